@@ -174,7 +174,7 @@ class Bodies:
         self._speeds[name] = velocity
 
     def follow(self, name: str, state: Callable[[], MachineState]) -> None:
-        """Move a machine to where it now is. state: tells that, until it is moved again."""
+        """Move a machine to where it now is. state: gives that, until it is moved again."""
         if name not in self._solids:
             self._refuse(name)
         self._told[name] = state

@@ -166,7 +166,7 @@ def _head(path: Path) -> bytes:
 
 
 def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
-    """Read it row by row; start: of the file, which tells what it is."""
+    """Read it row by row; start: of the file, which shows what it is."""
     is_wide = start.startswith(UTF_16)
     if b"\x00" in start and not is_wide:
         raise InputError("log", None, f"{_EXPECTED}, this is binary", file=path)

@@ -140,7 +140,7 @@ def plan_of(
 def _lines_of_others(
     ground: Ground, header: float, settings: PlanSettings, drawn: Sequence[Any]
 ) -> tuple[list[Array], list[str]]:
-    """Both ends of each line that is a pass, (2, 2) each, and what to tell of lines of a file.
+    """Both ends of each line that is a pass, (2, 2) each, and notes on lines of a file.
 
     InputError for passes that are not straight, or hardly longer than a point.
     """

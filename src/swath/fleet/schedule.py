@@ -463,7 +463,7 @@ class Scheduler:
         raise InputError("fleet.dispatcher", str(chosen), "expected one of the options of the state")
 
     def state(self, c: CombineState, options: tuple[Option, ...]) -> State:
-        """What a dispatcher is told."""
+        """What a dispatcher knows."""
         carts = {k.spec.name: (k.starts[0].time, k.room) for k in self.carts}
         others = {
             o.spec.name: Ahead(o.time, o.tank, o.spec.tank, self.fills(o))

@@ -84,7 +84,7 @@ class EventFeed:
         self._seen = [0] * len(self._sources)
 
     def save(self) -> Any:
-        """What has been told so far."""
+        """What has been reported so far."""
         return [list(waiting) for waiting in self._open], list(self._seen)
 
     def load(self, state: Any) -> None:

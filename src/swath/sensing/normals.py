@@ -47,7 +47,7 @@ class AllNormals:
 def ziggurat() -> tuple[Any, Any]:
     """Widths of numpy's levels over ONE, and how far of ONE a number of each is taken without more.
 
-    numpy tells the widths: given a word of the level and a power of two it returns their product.
+    numpy gives the widths: given a word of the level and a power of two it returns their product.
     """
     words = (1 << 49) + np.roll(np.arange(LEVELS), -2)  # level 1 last, which takes a second word
     halves = np.zeros(624, np.uint64)

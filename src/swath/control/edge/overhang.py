@@ -3,7 +3,7 @@
 A stand that leans out over the edge shows a wall as sharp as that of an upright one, only further out. It is
 lower: stems of length h whose tops are at z over the ground lean by acos(z / h). How high an upright stand is
 seen, is known to some hundredths where it stops the rays, and less in a thin one, into which they go. Every
-lean is a hypothesis; what is told is the mean over all of them, after what is seen.
+lean is a hypothesis; what is reported is the mean over all of them, after what is seen.
 """
 
 from math import acos, hypot, isnan, sqrt

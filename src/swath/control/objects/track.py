@@ -9,7 +9,7 @@ from swath.core.component import KeepsState
 GATE = 0.8  # a heap belongs to the thing that is expected no farther from it [m]
 FASTEST = 4.0  # and this much more per second since it was seen [m/s]
 ALPHA, BETA = 0.5, 0.15  # of the place and the velocity, for scans some 0.1 s apart
-FAINT = 0.1  # what is less sure is not told
+FAINT = 0.1  # what is less sure is not reported
 LASTS = 0.7  # of the evidence of one scan in the next: both see much the same stems
 BELIEF, DOUBT = (
     0.4,

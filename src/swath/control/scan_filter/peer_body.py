@@ -82,8 +82,8 @@ class PeerBody(ScanFilter):
 
 
 def outlines(peer: PeerState) -> list[tuple[float, float, float, float, float]]:
-    """Body, header and box as far as told, in the other one's frame: middle x, y [m], heading [rad], length,
-    width [m].
+    """Body, header and box as far as reported, in the other one's frame: middle x, y [m], heading [rad],
+    length, width [m].
     """
     found = []
     if isfinite(peer.body_width):

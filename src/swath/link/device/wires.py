@@ -182,7 +182,7 @@ class UdpSender:
         except OSError as error:
             if not self._is_told:
                 self._tell(
-                    f"a datagram could not be sent ({error.strerror or error}); further ones are not told"
+                    f"a datagram could not be sent ({error.strerror or error}); further ones are not reported"
                 )
             self._is_told = True
             return 0

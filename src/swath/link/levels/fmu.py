@@ -159,7 +159,7 @@ class FmuPart:
         """What the user should know about the run."""
         silent = [f"nothing comes from {port}, its slot is off or silent" for port in self._feed.silent]
         held = [
-            f"{name} was nan in {count} steps: the FMU got the value before; {name}{KNOWN} would tell it"
+            f"{name} was nan in {count} steps: the FMU got the value before; {name}{KNOWN} would say so"
             for name, count in self._feed.held.items()
             if not self._is_told(name)
         ]

@@ -64,7 +64,7 @@ class Context:
         return pose if below is None else pose @ below
 
     def below(self, message: Any) -> Pose | None:
-        """The machine's own frame, in that of its child whose motion a message tells; None where it is the
+        """The machine's own frame, in that of its child whose motion a message has; None where it is the
         same, or /tf_static does not know.
         """
         child = frame_of(message, own=True)

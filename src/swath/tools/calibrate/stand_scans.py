@@ -42,7 +42,7 @@ VIEWS = (
     55.0,
     75.0,
 )  # depressions at which silhouettes are taken [deg]
-DEPTHS = (0.4, 3.5)  # -log(share of thin rays that reach the ground) of stands that tell them, about
+DEPTHS = (0.4, 3.5)  # -log(share of thin rays that reach the ground) of stands that show them, about
 PLANTS = 500  # that show how far plants reach aside
 SPOT_AT = 0.9  # share of the crop's height where the spot is taken, as in rays/kernel/bodies.py
 
@@ -212,7 +212,7 @@ class SampleStands:
     def _area_above(
         self, density: float, degrees: float, edges: F64, rays: int, stream: Stream
     ) -> tuple[F64, NDArray[np.bool_]]:
-        """What a plant stops above relative heights [m2], and where enough rays tell."""
+        """What a plant stops above relative heights [m2], and where enough rays show it."""
         full = self.crop.stand.height
         place = Place(density, full, degrees * DEG, 1e-4)
         seen = self.scan(place, rays // LINE, EchoSettings(sub_rays=1, sees_weakest=True), stream)

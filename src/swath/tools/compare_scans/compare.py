@@ -181,7 +181,7 @@ def _sample(points: F64, number: int, most: int = ICP_POINTS) -> F64:
     return np.asarray(points[np.sort(rng.choice(len(points), most, replace=False))])
 
 
-# Where no source is named: chosen, so that a cell or a spread has echoes enough to be told from.
+# Where no source is named: chosen, so that a cell or a spread has echoes enough to be reported from.
 FEWEST = 30  # echoes of each cloud in a cell that is compared
 IN_BLOCK, ON_MAP = 3, 12  # echoes of each in a block of it that counts; that is drawn
 FEWEST_BLOCKS = 6  # with a cell in both, for a spread

@@ -254,7 +254,7 @@ class Estimated:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """For a file: what is told, and what it rests on."""
+        """For a file: what is reported, and what it rests on."""
         rate, cheap = self.rate, self.cheap_rate
         given = not self.refusals
         return {

@@ -108,7 +108,7 @@ def _values(found: Estimated, name: str) -> F64:
 
 
 def _picture(found: Estimated, names: list[str]) -> Chart:
-    """Over the two parameters that tell most, or the margin over the only one."""
+    """Over the two parameters that matter most, or the margin over the only one."""
     x = _values(found, names[0])
     y = _values(found, names[1]) if len(names) > 1 else 0.5 + 0.5 * np.nan_to_num(found.last.margins)
     up = _axis(found, names[1]) if len(names) > 1 else ("margin", "-1", "1")

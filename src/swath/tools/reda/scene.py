@@ -3,7 +3,7 @@
 After REDA, a person on a grid of places under changing conditions (doi:10.3390/s22155745); the places, crop
 and weather here are our own.
 
-Of each sensor is counted how often it tells of a person at a place, and of one that is not there.
+Of each sensor is counted how often it reports a person at a place, and of one that is not there.
 """
 
 from collections.abc import Iterator

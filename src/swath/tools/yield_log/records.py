@@ -177,7 +177,7 @@ CHANNELS = (
 )
 HARVESTER = 0xA00E_8000_FFE0_0000
 """NAME of ISO 11783-5: sets its own address, agriculture, harvester, its first function, maker not known; the
-last 21 bits tell machines apart."""
+last 21 bits distinguish machines."""
 STRUCTURE = b"SWATH01".hex().upper()
 LOCALIZATION = "FF000000406E65"  # English, decimal points, 24 h, metric (ISO 11783-7, language command)
 LONGEST_NAME = 32  # characters of a designator

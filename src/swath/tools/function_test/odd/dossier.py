@@ -72,7 +72,7 @@ from swath.tools.function_test.plan import code_hash, commit, looked_at
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 NOWHERE = "nowhere"
-ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is told; estimated
+ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is reported; estimated
 STEP, AXES = 13.0, 150.0  # of the matrix of buckets, and room for the names of attributes [px]
 LAST = 0.9  # of the matrix from the left, from where on there is no room for a name
 LISTED = 60  # rows of a list on the page; all are in the tables
