@@ -3,6 +3,8 @@
 import argparse
 from typing import Any
 
+from swath.terminal.options import option
+
 SHELLS = ("bash", "zsh", "tcsh")
 
 
@@ -11,7 +13,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "completion", help="print a script that completes swath in a shell", description=_DESCRIPTION
     )
-    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=f"one of {', '.join(SHELLS)}")
+    option(parser, "shell SHELL", f"one of {', '.join(SHELLS)}", choices=SHELLS)
     parser.set_defaults(run=run)
 
 

@@ -379,7 +379,7 @@ def _middle(values: Array) -> Estimate:
 
 
 def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
-    """Of one machine, in the order of time."""
+    """Parts of one machine's log in the order of time."""
     usual = _usual(flow)
     is_up = flow > 0.5 * usual
     edges = np.flatnonzero(np.diff(is_up)) + 1
@@ -388,11 +388,11 @@ def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
     made = []
     for a, b in runs:
         m = (a + b) // 2
-        way = position[min(m + 2, b - 1)] - position[max(m - 2, a)]
-        size = float(np.hypot(*way))
+        across = position[min(m + 2, b - 1)] - position[max(m - 2, a)]
+        size = float(np.hypot(*across))
         if size > 0.0:
             fall = _ramp(-clock[::-1], flow[::-1], len(clock) - b, len(clock) - 1 - a)
-            made.append(_Stretch(clock[m], _ramp(clock, flow, a, b - 1), -fall, way / size))
+            made.append(_Stretch(clock[m], _ramp(clock, flow, a, b - 1), -fall, across / size))
     return made
 
 

@@ -282,7 +282,7 @@ def rings(polygon: Any) -> tuple[Array, tuple[Array, ...]]:
 
 
 def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
-    """Which points, shape (n, 2), lie in the polygon."""
+    """Whether points, shape (n, 2), lie in the polygon."""
     shapely = _shapely()
     shapely.prepare(polygon)
     return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]))
@@ -291,9 +291,9 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
 def _from_geojson(path: Path, epsg: int | None) -> tuple[list[Shape], str, list[str]]:
     found, name = read_shapes(path, "boundary", "GeoJSON or a polygon shapefile")
     shapes, attributes = [], dict[str, None]()
-    for geometry, told in found:
-        attributes |= dict.fromkeys(map(str, told))
-        called = next((str(v) for k, v in told.items() if k.lower() in NAMES and v), "")
+    for geometry, found_notes in found:
+        attributes |= dict.fromkeys(map(str, found_notes))
+        called = next((str(v) for k, v in found_notes.items() if k.lower() in NAMES and v), "")
         shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
     if are_records(len(shapes), list(attributes), path):
         expected = "expected an outline, each has a yield: records of a log, which a .csv or .shp holds"

@@ -95,7 +95,7 @@ class Cells:
         return (cell for block in self._blocks for cell in block.to_pylist())
 
     def numbers(self) -> Array:
-        """As numbers, nan where a cell is none."""
+        """A column as numbers, nan where a cell is none."""
         return np.concatenate([_floats(block) for block in self._blocks] or [np.zeros(0)])
 
 
@@ -135,8 +135,8 @@ def _read_isoxml(path: Path) -> Table:
     rows, broken = np.arange(1, len(data) + 1), {"unreadable": places}
     columns, width, notes = data.table()
     crop = "" if "crop" in columns else max(data.crops)
-    told = (*notes, *data.problems)
-    return Table(columns, rows, None, "", broken, told, crop=crop, stated_width=width)
+    all_notes = (*notes, *data.problems)
+    return Table(columns, rows, None, "", broken, all_notes, crop=crop, stated_width=width)
 
 
 def _or_cp1252(error: UnicodeError) -> tuple[str, int]:
@@ -166,7 +166,7 @@ def _head(path: Path) -> bytes:
 
 
 def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
-    """Read it row by row; start: of the file, which tells what it is."""
+    """Read it row by row; start: of the file, which shows what it is."""
     is_wide = start.startswith(UTF_16)
     if b"\x00" in start and not is_wide:
         raise InputError("log", None, f"{_EXPECTED}, this is binary", file=path)

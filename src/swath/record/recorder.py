@@ -99,14 +99,16 @@ class Recorder:
 
     @cached_property
     def tracks(self) -> dict[str, Tracks]:
-        """Of each machine."""
+        """Tracks of each machine."""
         return {m.name: Tracks(m, PERIOD, tuple(self._more.get(m.name, ()))) for m in self._machines}
 
     @property
     def left_out(self) -> str:
         """Of a thinned recording how many samples have no message, by slot and output; "" = none."""
-        told = [f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out]
-        return ", ".join(told)
+        left_out = [
+            f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out
+        ]
+        return ", ".join(left_out)
 
     def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.

@@ -147,8 +147,8 @@ def arc(start: Array, length: Array, first: Array, last: Array, azimuth: Array, 
     """
     along = (np.arange(parts) + 0.5) / parts
     step = pointing(first[:, None] + (last - first)[:, None] * along, azimuth[:, None] + 0.0 * along)
-    way = np.cumsum(step * (length / parts)[:, None, None], axis=1)
-    return np.asarray(start[:, None, :] + np.concatenate([np.zeros_like(way[:, :1]), way], axis=1))
+    steps = np.cumsum(step * (length / parts)[:, None, None], axis=1)
+    return np.asarray(start[:, None, :] + np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1))
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generato
 
 
 def assemble(height: Array, grain: Array, straw: Array, parts: list[Part]) -> Plants:
-    """All parts, those of one stem together."""
+    """Join all parts; those of one stem stand together."""
     sizes = [part.radius.size for part in parts]
     owner = np.concatenate([part.owner.ravel() for part in parts])
     order = np.argsort(owner, kind="stable")

@@ -84,7 +84,7 @@ class Params:
 
     @property
     def period(self) -> int:
-        """Of a cycle [ns]."""
+        """Length of a cycle [ns]."""
         return round(self.cycle_ms * 1e6)
 
     def make_law(self, control: ControlSetup, base: Path | None) -> Any:
@@ -165,7 +165,7 @@ class CanSteering:
         return {"guidance": replace(self._guidance), "own": own, "box": box}
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._guidance = replace(state["guidance"])
         self._cycle, self._distance, self._peer = state["own"]
         if self._box is not None:
@@ -197,8 +197,8 @@ class CanSteering:
             message = node.receive(min(left, ASK_AGAIN))
             if message is not None and self._is_box(message):
                 return
-        who = "a box" if self._p.box_address is None else f"the box {self._p.box_address}"
-        raise BoxError(f"{self._name}: {who} was not found on {self._p.where} within {self._p.wait_s:g} s")
+        sender = "a box" if self._p.box_address is None else f"the box {self._p.box_address}"
+        raise BoxError(f"{self._name}: {sender} was not found on {self._p.where} within {self._p.wait_s:g} s")
 
     def _is_box(self, message: Message) -> bool:
         """Whether a message comes from the box to obey."""
@@ -234,9 +234,9 @@ class CanSteering:
             message = node.receive(left)
             if message is not None and self._hear(message, t):
                 return
-        who = "the box" if self._peer is None else f"the box {self._peer}"
+        sender = "the box" if self._peer is None else f"the box {self._peer}"
         raise BoxError(
-            f"{self._name}: {who} on {self._p.where} did not answer within {self._p.answer_s:g} s, "
+            f"{self._name}: {sender} on {self._p.where} did not answer within {self._p.answer_s:g} s, "
             f"at {t / NS:g} s of simulated time"
         )
 

@@ -40,7 +40,7 @@ class StrawOutlet(KeepsState):
             return
         ends = line_ends(plain(state.pose), *self._outlet)
         ways = [(x - u, y - v) for (x, y), (u, v) in zip(ends, before, strict=True)]
-        if max(hypot(*way) for way in ways) < self._step:
+        if max(hypot(*move) for move in ways) < self._step:
             return
         polygons = swept(before, ends)
         area = fsum(signed_area(p) for p in polygons)

@@ -106,15 +106,15 @@ class Cell:
 
     def _add_sums(self, result: Result) -> None:
         """Take in what is added up over runs."""
-        if told := result.get(SUMMARY):
-            self.integrity = pooled((self.integrity, told))
+        if shares := result.get(SUMMARY):
+            self.integrity = pooled((self.integrity, shares))
         if STEERING_TAG in self.case.file.tags and (classes := result.get(STEERING)):
             point = ", ".join(f"{name} {value}" for name, value in result["point"].items())
             count, before = self.steering.get(point, (0, pooled_classes(())))
             self.steering[point] = count + 1, pooled_classes((before, classes))
             if len(self.steering) > POINTS_MAX or ALL_POINTS in self.steering:
-                counts, told = zip(*self.steering.values(), strict=True)
-                self.steering = {ALL_POINTS: (sum(counts), pooled_classes(told))}
+                counts, shares = zip(*self.steering.values(), strict=True)
+                self.steering = {ALL_POINTS: (sum(counts), pooled_classes(shares))}
 
     def _count(self, run: Kept, metrics: Mapping[str, float | None]) -> None:
         """Take in a run that counts for the rate."""
@@ -181,7 +181,7 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[
 
 
 def errors_of(count: int, of: int, first: str) -> str:
-    """What is told of runs that came to an error."""
+    """What is reported of runs that came to an error."""
     return f"{count} of {of} runs came to an error, nothing is judged from them: {first}"
 
 

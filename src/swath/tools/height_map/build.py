@@ -144,8 +144,8 @@ def _gather(
     counts["echoes"] = gatherer.echo_count
     if gatherer.echo_count == 0:
         what = ", ".join(f"{k.replace('_', ' ')} {n}" for k, n in counts.items() if n) or "no scan"
-        told = "; ".join((f"expected echoes near the path; found {what}", *source.notes))
-        raise InputError("source", source.name, told)
+        expected = "; ".join((f"expected echoes near the path; found {what}", *source.notes))
+        raise InputError("source", source.name, expected)
     return gatherer.finish(), {**counts, "notes": dict(source.notes)}
 
 

@@ -120,15 +120,15 @@ def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
                 far = silent[part] | (ranges[part] > wanted.range_max)
                 good = ~far & (ranges[part] >= wanted.range_min)
             row, beam = np.nonzero(good)
-            free, way = np.nonzero(far)
+            free, side = np.nonzero(far)
             yield Echoes(
                 time[part][row] + late[beam],
                 polar_points(ranges[part][row, beam], angle[beam], elevation[beam]),
                 intensity[part][row, beam],
                 good.size - len(row),
                 len(good),
-                polar_points(np.full(len(way), wanted.range_max), angle[way], elevation[way]),
-                time[part][free] + late[way],
+                polar_points(np.full(len(side), wanted.range_max), angle[side], elevation[side]),
+                time[part][free] + late[side],
             )
 
     return Source(path.name, track, wanted.mount or Pose.identity(), sweeps)
