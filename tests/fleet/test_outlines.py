@@ -34,7 +34,7 @@ def traced(seed, points):
     ring = [
         (float(1.6 * r * math.cos(a)), float(r * math.sin(a))) for r, a in zip(radius, angle, strict=True)
     ]
-    pond = [(12.0 * math.cos(a) + 10.0, 9.0 * math.sin(a)) for a in angle[:: points // 20]]
+    pond = [(12.0 * math.cos(a) + 10.0, 9.0 * math.sin(a)) for a in angle[:: max(points // 20, 1)]]
     job = drawn_job(seed)
     return replace(
         job, field=replace(job.field, boundary_m=ring, parts_m=[], holes_m=[pond]),
