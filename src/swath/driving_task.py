@@ -40,9 +40,9 @@ OUTSIDE = 1e-6  # of an action beyond its space: more than float32 rounds off
 
 
 class Commanded(InWorlds):
-    """A part of a machine that sends what it was told last. kind: of the command.
+    """A part of a machine that sends what it was given last. kind: of the command.
 
-    field: of it that is told; more: its other fields; value: told last
+    field: the field of it that is given; more: its other fields; value: given last
     """
 
     def __init__(self, kind: type[Signal], field: str, **more: Any) -> None:
@@ -52,12 +52,12 @@ class Commanded(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Commanded"]) -> "Commands":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Commands(parts)
 
 
 class Commands(KeepsRows):
-    """Those of many worlds."""
+    """The parts of many worlds, stepped together."""
 
     def __init__(self, parts: Sequence[Commanded]) -> None:
         self.parts, self.errors = parts, dict[int, SwathError]()

@@ -63,7 +63,7 @@ def read_mesh(path: Path, *, key: str, file: Path | None = None) -> tuple[MeshPa
 
 
 def file_up(path: Path) -> str:
-    """The axis that points up unless one is told: y in GLB and glTF, which say so, else z."""
+    """The axis that points up unless one is stated: y in GLB and glTF, which say so, else z."""
     return "y" if path.suffix.lower() in (".glb", ".gltf") else "z"
 
 
@@ -141,7 +141,7 @@ def _check_accessors(path: Path) -> None:
 
 
 def _own_materials(text: str) -> tuple[str, str]:
-    """An OBJ file that uses materials alone to tell parts apart, and a library that has them all."""
+    """An OBJ file that uses materials alone to distinguish parts, and a library that has them all."""
     lines = [line.strip() for line in text.splitlines()]
     words = {line.split(None, 1)[0] for line in lines if line}
     parts = ("o", "g")

@@ -17,8 +17,8 @@ from swath.field_io.log import Log
 
 Array = NDArray[np.float64]
 MOST_READ = 16_000_000  # cells of the file held at once: a finer one is read by means
-APART, RISES = 2.0, 1.0  # m, and times more: heights of a log and of a DEM farther apart are told
-ALIKE = 0.2, 0.7  # that the correlation of both heights lacks to 1, above which it is told, and refused
+APART, RISES = 2.0, 1.0  # m, and times more: heights of a log and of a DEM farther apart are reported
+ALIKE = 0.2, 0.7  # that the correlation of both heights lacks to 1, above which it is noted, and refused
 FEWEST_HEIGHTS = 100  # of a log that say something of a DEM
 OTHER_PASS = 60.0  # s between records of two passes
 LEAST_KNOWN = 0.8  # share of the cells around the field that must have a height

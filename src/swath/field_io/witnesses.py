@@ -77,7 +77,7 @@ class Thresholds:
     units; most_turns: from one to the other, in the order of the rows
     even_moisture: 10th to 90th percentile over the median; 0.1 to 0.2 in the logs above, the
     flow 0.7
-    as_flow: the same of the moisture over that of the flow; told, refused
+    as_flow: the same of the moisture over that of the flow; noted, refused
     american [deg]: west, east, south, north of where acres are usual
     """
 

@@ -54,7 +54,7 @@ def bound(host: str, port: int, kind: socket.SocketKind, who: str) -> Any:
 class Listener(socket.socket):
     """Takes `most` connections at a time and closes the others, so that idle ones end nothing.
 
-    refused: told of each that is closed
+    refused: called for each that is closed
     """
 
     most = MOST

@@ -143,7 +143,7 @@ def run_each(
     """Do runs, several of them in step; gives number, what it comes to, and CPU seconds of each, as it ends.
 
     make: scenario and hooks of one; alone: does one by itself and gives its summary. So is each done that
-    comes to an error in step: what is told of it is what that run says.
+    comes to an error in step: what is reported of it is what that run says.
     """
     left, blame = dict(enumerate(jobs)), None
     with collected_rarely():

@@ -13,7 +13,7 @@ _DESCRIPTION = (
     "Runs a machine's process and powertrain along a recorded log (its speed, its crop, its slope) and "
     "compares engine load, engine speed and fuel, as far as the log has them. Keys of the data sheet can be "
     "fitted on one part of the log; the others then test it. A plain regression is shown for comparison. "
-    "A log with a steering angle and without the engine tells the steering and the motion instead: dead "
+    "A log with a steering angle and without the engine is used for steering and motion instead: dead "
     "time, lag, rate, understeer and relaxation are fitted, with intervals."
 )
 

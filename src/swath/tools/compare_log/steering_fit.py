@@ -433,7 +433,7 @@ def _scipy() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class SteeringComparison:
-    """The result. parts: steering, motion, as far as the log tells them; sheet: with the fitted numbers."""
+    """The result. parts: steering, motion, as far as the log shows them; sheet: with the fitted numbers."""
 
     model: str
     log_name: str

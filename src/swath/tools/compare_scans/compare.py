@@ -73,7 +73,7 @@ class Path:
         return place + (s - inside)[:, None] * ahead, heading
 
     def place(self, points: F64) -> Place:
-        """Of world points (n, >=2)."""
+        """Places of world points (n, >=2) along and across the edge."""
         parts = [self._some(points[i : i + AT_ONCE, :2]) for i in range(0, len(points), AT_ONCE)]
         s, d = (np.concatenate(p) for p in zip(*parts, strict=True))
         return Place(s, d)
@@ -179,7 +179,7 @@ def _sample(points: F64, number: int, most: int = ICP_POINTS) -> F64:
     return np.asarray(points[np.sort(rng.choice(len(points), most, replace=False))])
 
 
-# Where no source is named: chosen, so that a cell or a spread has echoes enough to be told from.
+# Where no source is named: chosen, so that a cell or a spread has echoes enough to be reported from.
 FEWEST = 30  # echoes of each cloud in a cell that is compared
 IN_BLOCK, ON_MAP = 3, 12  # echoes of each in a block of it that counts; that is drawn
 FEWEST_BLOCKS = 6  # with a cell in both, for a spread
@@ -535,7 +535,7 @@ def _cdf(counts: Any) -> F64:
 
 
 def _mean(values: ArrayLike) -> float:
-    """Of the finite ones, nan where there is none."""
+    """Mean of the finite values, nan where there is none."""
     found = np.asarray(values, dtype=float)
     found = found[np.isfinite(found)]
     return float(found.mean()) if len(found) else float("nan")

@@ -228,7 +228,7 @@ class Estimated:
 
     @property
     def results(self) -> list[Result]:
-        """Of all runs at the level that is judged."""
+        """Results of all runs at the level that is judged."""
         rounds = [r for r in (*self.rounds, self.last) if not r.level]
         return [result for r in rounds for result in r.results]
 
@@ -254,7 +254,7 @@ class Estimated:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """For a file: what is told, and what it rests on."""
+        """For a file: what is reported, and what it rests on."""
         rate, cheap = self.rate, self.cheap_rate
         given = not self.refusals
         return {

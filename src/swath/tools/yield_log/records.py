@@ -56,7 +56,7 @@ class Records:
 
     @property
     def grain_kg(self) -> float:
-        """All that passed the sensor [kg]."""
+        """Grain that passed the sensor [kg]."""
         return float((self.flow * np.diff(self.time, prepend=0.0)).sum())
 
 
@@ -126,7 +126,7 @@ def records_of(
 
 
 def _origin(scenario: Scenario, at: tuple[float, float]) -> Origin:
-    """That of the field, else the place given."""
+    """Origin of the field, else the place given."""
     if scenario.field.folder is not None:
         return read_origin(scenario.field.folder)
     return stated_origin(scenario.field) or origin_at(*at)
@@ -177,7 +177,7 @@ CHANNELS = (
 )
 HARVESTER = 0xA00E_8000_FFE0_0000
 """NAME of ISO 11783-5: sets its own address, agriculture, harvester, its first function, maker not known; the
-last 21 bits tell machines apart."""
+last 21 bits distinguish machines."""
 STRUCTURE = b"SWATH01".hex().upper()
 LOCALIZATION = "FF000000406E65"  # English, decimal points, 24 h, metric (ISO 11783-7, language command)
 LONGEST_NAME = 32  # characters of a designator
