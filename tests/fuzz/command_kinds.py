@@ -67,7 +67,7 @@ def _within(folder: Path) -> Any:
 def _no_pictures() -> Any:
     """Seconds of matplotlib are not what is tried here."""
     image = patch("swath.fleet.report.plots.as_image", return_value="")
-    with patch("swath.field_io.importer.draw"), patch("swath.fleet.report.draw", create=True), image:
+    with patch("swath.field_io.importer.draw"), patch("swath.fleet.report._drawn", create=True), image:
         yield
 
 

@@ -152,13 +152,16 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     write_replay(w, name, f"{summary}; level {w.level}", out)
     head, rows = machine_rows(w)
     notes = checked(w)
-    routes = [Figure("", plots.as_image(_drawn(_route, w, machine)), f"`{machine}`") for machine in w.spans]
+    routes = [
+        Figure(f"Route of {machine}", plots.as_image(_drawn(_route, w, machine)), f"`{machine}`")
+        for machine in w.spans
+    ]
     sections = [
         Table("Results", ("", "", "unit"), result_rows(w), (1,)),
         Section("Notes", [Items(notes)] if notes else []),
         Section("Route of each machine", [ABOUT_ROUTES, Beside(routes, "pair")]),
         Section("Where time went", [
-            Figure("", plots.as_image(_drawn(_times, w)), "Minutes of each machine, and when it did what"),
+            Figure("Where time went", plots.as_image(_drawn(_times, w)), "Minutes of each machine, and when it did what"),
             Table("", head, rows, range(1, len(head)), ABOUT_MINUTES),
         ]),
         Table("What machines waited for", ("machine", "for", "min"), wait_rows(w), (2,)),
