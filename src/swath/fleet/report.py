@@ -161,7 +161,7 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
         Section("Notes", [Items(notes)] if notes else []),
         Section("Route of each machine", [ABOUT_ROUTES, Beside(routes, "pair")]),
         Section("Where time went", [
-            Figure("Where time went", plots.as_image(_drawn(_times, w)), "Minutes of each machine, and when it did what"),
+            Figure("Where time went", plots.as_image(_drawn(_times, w)), "Minutes of each machine, and when"),
             Table("", head, rows, range(1, len(head)), ABOUT_MINUTES),
         ]),
         Table("What machines waited for", ("machine", "for", "min"), wait_rows(w), (2,)),
