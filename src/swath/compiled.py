@@ -90,8 +90,9 @@ class Compiled(ABC):
         return self.sent_at(t + dt)
 
     def column(self, port: str, name: str, otherwise: float = np.nan) -> Any:
-        """A field of what is read, for a kernel; its default where it is not sent. otherwise: of a port that
-        is open.
+        """A field of what is read, for a kernel; its default where it is not sent.
+
+        otherwise: of a port that is open
         """
         row = self.given.get(port)
         array = None if row is None else row.arrays.get(name)

@@ -200,8 +200,12 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
 
 @dataclass(frozen=True)
 class Logged:
-    """What a log says. raw: columns, and those beside, in their own units; time: in clock_units, None = no
-    clock; course: clockwise from north [deg]; width: of the header, where no column says it [m].
+    """What a log says.
+
+    raw: columns, and those beside, in their own units
+    time: in clock_units, None = no clock
+    course: clockwise from north [deg]
+    width: of the header, where no column says it [m]
     """
 
     columns: Mapping[str, Column]

@@ -191,8 +191,11 @@ class JobKeys:
 
 @dataclass(frozen=True, kw_only=True)
 class JobFile(JobKeys):
-    """A job as read. drawn: lines of its file, [x, y] as passes are [m]; yields: middles of squares of its
-    log, x, y [m], and what it has there [kg/m2]; notes: notes on it.
+    """A job as read.
+
+    drawn: lines of its file, [x, y] as passes are [m]
+    yields: middles of squares of its log, x, y [m], and what it has there [kg/m2]
+    notes: notes on it
     """
 
     drawn: tuple[Line, ...] = ()

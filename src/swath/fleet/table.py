@@ -244,8 +244,10 @@ class Path:
 
 
 def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | None = None) -> Path:
-    """A track as segments. times: at its samples [s]; marks: distances where segments end [m], else by
-    length.
+    """A track as segments.
+
+    times: at its samples [s]
+    marks: distances where segments end [m], else by length
     """
     cuts = _cuts(track) if marks is None else np.unique(np.searchsorted(track.distance, marks - 1e-6))
     cuts = np.unique(np.concatenate([[0], cuts, [len(track.places) - 1]]))
@@ -279,8 +281,12 @@ def standing(place: Place, body: Body, spent: float, kind: str) -> Path:
 
 @dataclass
 class Segment:
-    """One of the table. path, index: which of a path; into, out: times of entry and of leaving [s]; next: the
-    one that the machine enters then, -1 if none is known; is_off: whether it was taken off.
+    """One of the table.
+
+    path, index: which of a path
+    into, out: times of entry and of leaving [s]
+    next: the one that the machine enters then, -1 if none is known
+    is_off: whether it was taken off
     """
 
     number: int

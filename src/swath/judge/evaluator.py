@@ -340,8 +340,9 @@ class TakesSeen(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class SeesLive(Protocol, metaclass=ByMembers):
-    """One of these that has to look something up at the time of a sample. live: types of those; with
-    `rests_until` (`Rests`) it is shown all that it wants from then on.
+    """One of these that has to look something up at the time of a sample.
+
+    live: types of those; with `rests_until` (`Rests`) it is shown all that it wants from then on
     """
 
     @property

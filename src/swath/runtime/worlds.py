@@ -126,8 +126,9 @@ def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:
 def drive_together(
     worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
 ) -> Iterator[tuple[int, Ended]]:
-    """Drive worlds, in step where they can; gives what each comes to by its number, as it ends. hooks: of
-    each world.
+    """Drive worlds, in step where they can; gives what each comes to by its number, as it ends.
+
+    hooks: of each world
     """
     for group in groups_in_step(worlds):
         own = [hooks[number] for number in group] if hooks else ()

@@ -20,8 +20,11 @@ class Hitch:
 
 @dataclass(frozen=True)
 class OpenBox:
-    """A box that grain is poured into. x: its middle ahead of the origin of what carries it: the middle of
-    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m].
+    """A box that grain is poured into.
+
+    x: its middle ahead of the origin of what carries it: the middle of the trailer's axle, or the machine's
+        own; length, width, depth
+    floor: above the ground [m]
     """
 
     x: float
@@ -38,9 +41,13 @@ class OpenBox:
 
 @dataclass(frozen=True)
 class Pipe:
-    """An unloading pipe. x, y, z: its pivot in the machine frame [m]; length [m]: pivot to mouth, outward and
-    level; swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
-    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad].
+    """An unloading pipe.
+
+    x, y, z: its pivot in the machine frame [m]
+    length [m]: pivot to mouth, outward and level
+    swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s] exit_speed: of the
+        grain [m/s]
+    fall: its direction below the pipe's [rad]
     """
 
     x: float

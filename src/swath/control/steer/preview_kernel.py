@@ -233,8 +233,10 @@ def gather(
     odometry: wp.array2d(dtype=wp.float64),
     edges: wp.array(dtype=Edge),
 ):
-    """What `steer` asks for. clock: begin, end, length of the step [ns]; stamp: time of the edge, < 0 =
-    none.
+    """What `steer` asks for.
+
+    clock: begin, end, length of the step [ns]
+    stamp: time of the edge, < 0 = none
     """
     w = wp.tid()
     ns = real(1.0e9)

@@ -153,9 +153,12 @@ def arc(start: Array, length: Array, first: Array, last: Array, azimuth: Array, 
 
 @dataclass(frozen=True)
 class Leafing:
-    """How leaves sit. plane: azimuth of the plane that each stem's leaves stand in, to either side by turns
-    [rad], (stems,), None = anywhere; scatter: half range about it [rad]; taper: width of each ribbon of a
-    blade relative to the blade's; organ.
+    """How leaves sit.
+
+    plane: azimuth of the plane that each stem's leaves stand in, to either side by turns [rad], (stems,),
+        None = anywhere
+    scatter: half range about it [rad]
+    taper: width of each ribbon of a blade relative to the blade's; organ
     """
 
     plane: Array | None = None

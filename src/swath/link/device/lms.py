@@ -61,8 +61,11 @@ class Telegram:
 
 @dataclass
 class Plane:
-    """The scans of a slot as the sensor describes them. model: its name; scale: of the distances [mm]
-    frequency [Hz]; start, step, count: of the beams, angles of the sensor in ticks.
+    """The scans of a slot as the sensor describes them.
+
+    model: its name
+    scale: of the distances [mm] frequency [Hz]
+    start, step, count: of the beams, angles of the sensor in ticks
     """
 
     model: str

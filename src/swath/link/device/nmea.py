@@ -161,8 +161,9 @@ WRITERS: dict[str, Callable[[Fix, datetime, float], str]] = {
 
 @dataclass
 class Epoch:
-    """What the sentences of one time of day said. seconds: of the day; angles [rad], bearings from north,
-    roll and pitch as in Fix.
+    """What the sentences of one time of day said.
+
+    seconds: of the day; angles [rad], bearings from north, roll and pitch as in Fix
     """
 
     seconds: float

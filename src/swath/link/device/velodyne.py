@@ -134,8 +134,11 @@ def read_packet(data: bytes) -> Firings | None:
 
 
 class Turns:
-    """Gathers the firings of packets to whole turns. lost: firings that are missing by the times; wrong:
-    datagrams that were no packets; late: packets that were older than one before, left out.
+    """Gathers the firings of packets to whole turns.
+
+    lost: firings that are missing by the times
+    wrong: datagrams that were no packets
+    late: packets that were older than one before, left out
     """
 
     def __init__(self) -> None:

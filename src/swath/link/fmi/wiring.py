@@ -61,8 +61,10 @@ class Wiring:
 
 
 def make_wiring(fmu: Description, setup: LinkSetup, params: Any) -> Wiring:
-    """The wiring of an FMU in a slot. params: `inputs`, `outputs`, `constants`, `parameters`, `units` as in
-    the level. InputError where a name, a unit or a value does not fit, or something is missing.
+    """The wiring of an FMU in a slot.
+
+    params: `inputs`, `outputs`, `constants`, `parameters`, `units` as in the level. InputError where a name,
+        a unit or a value does not fit, or something is missing
     """
     return _Maker(fmu, setup, params).make()
 

@@ -83,8 +83,11 @@ def cut_along(
     lengths: wp.array(dtype=wp.float64),
     left_grain: wp.array(dtype=wp.float64),
 ):
-    """One world a thread. head, poses: of the trail of the new ones, (k, world, 12); clock: begin, end,
-    length of the step [ns]; needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`.
+    """One world a thread.
+
+    head, poses: of the trail of the new ones, (k, world, 12)
+    clock: begin, end, length of the step [ns]
+    needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`
     """
     w = wp.tid()
     profile = profiles[w]

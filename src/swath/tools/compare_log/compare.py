@@ -41,9 +41,13 @@ FEWEST = 20  # records to compare at all
 
 @dataclass(frozen=True)
 class SeriesStatistics:
-    """Simulated against measured. count: records; r2: 1 - squared error over variance, below 0 is worse than
-    the mean; rmse, bias: in the unit of the quantity, simulated minus measured; r: correlation; lag_s: by
-    which the simulated series has to be delayed to fit best.
+    """Simulated against measured.
+
+    count: records
+    r2: 1 - squared error over variance, below 0 is worse than the mean
+    rmse, bias: in the unit of the quantity, simulated minus measured
+    r: correlation
+    lag_s: by which the simulated series has to be delayed to fit best
     """
 
     count: int

@@ -218,8 +218,10 @@ USUAL = {
 
 @dataclass(frozen=True)
 class FittedWith:
-    """A fitted number. low, high: of its 95 % interval; is_seen: False where the log does not show it, the
-    value is then the start and the interval without limits.
+    """A fitted number.
+
+    low, high: of its 95 % interval
+    is_seen: False where the log does not show it, the value is then the start and the interval without limits
     """
 
     key: str

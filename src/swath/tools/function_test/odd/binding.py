@@ -96,8 +96,11 @@ class Bound:
 
 @dataclass(frozen=True, kw_only=True)
 class OddFile:
-    """The keys of a binding. openodd: the documents, beside it; requirement: its identifier elsewhere, of the
-    whole; requirements: of others, the limits that stand for each; the others as in a test case.
+    """The keys of a binding.
+
+    openodd: the documents, beside it
+    requirement: its identifier elsewhere, of the whole
+    requirements: of others, the limits that stand for each; the others as in a test case
     """
 
     format: Literal["swath odd 1"]

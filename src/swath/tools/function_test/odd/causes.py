@@ -262,8 +262,12 @@ def _text(odd: Odd, spans: Sequence[Span], ends: Sequence[tuple[float, float]] =
 
 @dataclass(frozen=True)
 class Explained:
-    """What the causes say of a broken cell. cause: of most of its failures, None where it has runs enough
-    outside of all causes and these break the claim, too; counted, failed: those runs; why: in words.
+    """What the causes say of a broken cell.
+
+    cause: of most of its failures, None where it has runs enough outside of all causes and these break the
+        claim, too
+    counted, failed: those runs
+    why: in words
     """
 
     cause: Cause | None
