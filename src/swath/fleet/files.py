@@ -160,8 +160,9 @@ class TruckSettings:
 @dataclass(frozen=True)
 class FleetSettings:
     """dispatcher: `horizon`, `greedy`, or a Python class of your own as `my.py:Class`, see dispatcher.py;
-    plans: most that are compared, the best one is taken; draw: number by which the estimates of `horizon` are
-    off at random, as some of these plans have it, 0: they are not.
+    plans: most that are compared, the best one is taken
+    draw: number by which the estimates of `horizon` are off at random, as some of these plans have it, 0:
+        they are not.
     """
 
     dispatcher: str = "horizon"

@@ -52,9 +52,9 @@ BLOCK = 16  # segments of the table whose box is looked at first
 class Swept:
     """Outlines of what a body sweeps over each segment of a path, one of each of its rectangles.
 
-    points: their corners, anticlockwise [m], (n, 2); starts: the first of each outline, and how many there
-    are in all, (segments * rects + 1,). An index gives polygons of shapely, (rects,) of a segment, (n, rects)
-    of a slice
+    points: their corners, anticlockwise [m], (n, 2)
+    starts: the first of each outline, and how many there are in all, (segments * rects + 1,). An index gives
+        polygons of shapely, (rects,) of a segment, (n, rects) of a slice
     """
 
     points: Array
@@ -518,9 +518,9 @@ class Table:
 class Order:
     """The order of a table for execution, without its times.
 
-    spent: least time in each segment [s]; before: for each segment those that are entered before it, and
-    whether their time is over then; groups: segments that are entered at once, in an order in which each
-    depends on earlier ones alone
+    spent: least time in each segment [s]
+    before: for each segment those that are entered before it, and whether their time is over then
+    groups: segments that are entered at once, in an order in which each depends on earlier ones alone
     """
 
     spent: Array

@@ -149,8 +149,11 @@ class Event:
     """Something that happened during a run.
 
     t, end_t [ns]: when it began and ended; both are the same for what takes no time; end_t is None while it
-    lasts. kind: one word, as in `after: gap`; machine: to which it happened
-    x, y: place in the world [m]; distance: driven by the machine when it began [m]; text: one sentence
+        lasts. kind: one word, as in `after: gap`
+    machine: to which it happened
+    x, y: place in the world [m]
+    distance: driven by the machine when it began [m]
+    text: one sentence
     other: the second machine or the obstacle that takes part, if any
     end_distance: driven when it ended [m], nan while it lasts and for what takes no time
     because: why it happened: names and kinds of obstacles and machines, where the evaluator knows

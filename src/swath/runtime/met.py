@@ -47,8 +47,8 @@ class Where:
 class Quantity:
     """unit as in a scenario key; meaning: one line; at: its value, nan where there is none.
 
-    touches: kinds of slots that it changes; plain: values that need no word where a level of these was not
-    checked for it
+    touches: kinds of slots that it changes
+    plain: values that need no word where a level of these was not checked for it
     """
 
     unit: str

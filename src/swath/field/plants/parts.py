@@ -39,8 +39,12 @@ class LeafFacts:
 class Plants:
     """n stems and their m primitives.
 
-    height: (n,) ground to the tip [m]; grain_kg, straw_kg: (n,) masses
-    shape, organ: (m,); a, b, width: (m, 3) [m]; radius: (m,) [m], as in `layout.PlantLibrary`; owner: (m,)
+    height: (n,) ground to the tip [m]
+    grain_kg, straw_kg: (n,) masses
+    shape, organ: (m,)
+    a, b, width: (m, 3) [m]
+    radius: (m,) [m], as in `layout.PlantLibrary`
+    owner: (m,)
     reflectance: (m,) of the primitive itself, 0 = that of its organ; None = so for all
     """
 

@@ -27,7 +27,8 @@ class UnloadingSeries:
 
     t [s], along, across [m]: deviations while grain flows, arrays of shape (n,)
 
-    heaps: machine -> rows of its box; missed: of what all pipes gave, came down elsewhere [kg]
+    heaps: machine -> rows of its box
+    missed: of what all pipes gave, came down elsewhere [kg]
     """
 
     t: F64

@@ -64,7 +64,8 @@ class _Report:
 class TaskClient:
     """send: PGN, data, destination; data: what it reports; name: NAME of ISO 11783-5.
 
-    designator: of the device; width_mm, offset_mm: of the header, and how far ahead of the axle its knife is
+    designator: of the device
+    width_mm, offset_mm: of the header, and how far ahead of the axle its knife is
     """
 
     send: Send

@@ -192,8 +192,9 @@ class Listener:
 
     A sentence counts whole or not at all. Checksums are left away by all lines of a stream or by none.
 
-    epoch: the newest, still None before the first; wrong: lines so far that were no sentence, or had another
-    checksum; unknown: what sentences did not say, with how often
+    epoch: the newest, still None before the first
+    wrong: lines so far that were no sentence, or had another checksum
+    unknown: what sentences did not say, with how often
     """
 
     wrong: int = 0

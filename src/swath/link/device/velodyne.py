@@ -105,7 +105,8 @@ def packets(scan: Scan, grid: Grid) -> list[bytes]:
 class Firings:
     """What a packet says. time: past the hour [us]; azimuth: (24,) clockwise [1/100 deg] of the firings.
 
-    ranges: (24, LINES) [m], nan = no return; intensity: relative to a white target
+    ranges: (24, LINES) [m], nan = no return
+    intensity: relative to a white target
     """
 
     time: int

@@ -46,8 +46,9 @@ class Out:
 class Wiring:
     """How an FMU fills its slot.
 
-    inputs, outputs: in the order in which its numbers are passed; constants: port -> field -> value
-    inputs_ports, output_ports: those that it needs and gives; starts: FMU variable -> start value
+    inputs, outputs: in the order in which its numbers are passed
+    constants: port -> field -> value inputs_ports, output_ports: those that it needs and gives
+    starts: FMU variable -> start value
     notes: what the user should know
     """
 

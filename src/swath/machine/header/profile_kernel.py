@@ -26,7 +26,8 @@ class Cutting:
     """What goes on from step to step. of the ends next to the edge (near) and away from it (far): way along
     the profile and place inside of the line when they were looked at last [m]; the last bin that they passed.
 
-    is_begun: 0 before the first state; is_refused: it came back
+    is_begun: 0 before the first state
+    is_refused: it came back
     cut, swept: of the fill gauge [m2]
     """
 

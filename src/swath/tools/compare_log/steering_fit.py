@@ -184,7 +184,8 @@ OFFSET = "angle offset"  # of the logged angle, in deg: what the sensor shows dr
 class Free:
     """A number that may be fitted: limits and step for its derivative in the unit of the sheet.
 
-    keys: of the sheet that go in proportion with it, itself first; default: where the sheet has none
+    keys: of the sheet that go in proportion with it, itself first
+    default: where the sheet has none
     """
 
     low: float

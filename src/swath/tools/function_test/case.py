@@ -43,12 +43,12 @@ class Varied:
     at: the values of the grid, without them the ends of the range, or the names of `sets`
     range: of values drawn
 
-    scale, offset: the key gets value * scale + offset; sets: instead of a key, by value, the scenario keys
-    and values that it stands for
+    scale, offset: the key gets value * scale + offset
+    sets: instead of a key, by value, the scenario keys and values that it stands for
 
     exposure: share of the working time of each bucket of the range, or where there is none of each of `sets`
-    or values of `at`, any sum; none = all alike; buckets: rising edges, none = equal parts of the range. Only
-    `swath test estimate` draws by it.
+        or values of `at`, any sum; none = all alike
+    buckets: rising edges, none = equal parts of the range. Only `swath test estimate` draws by it.
     """
 
     key: str = ""

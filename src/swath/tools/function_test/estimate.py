@@ -116,7 +116,8 @@ def _cumulated(each: Sequence[float]) -> F64:
 class Round:
     """Runs that were done together. level: `cheap` or ""; places: in normal space, (n, d); points: there.
 
-    margins: (n,), nan = not judged; results: of the runs
+    margins: (n,), nan = not judged
+    results: of the runs
     """
 
     level: str

@@ -34,7 +34,8 @@ class Cause:
     """spans: buckets of its attributes; ends: of a box the least and largest value of each, of a cell ().
 
     counted, failed: runs drawn there, rest_counted, rest_failed: drawn elsewhere, of those that belong to no
-    stronger cause; p: of the contrast, after the correction
+        stronger cause
+    p: of the contrast, after the correction
     """
 
     spans: tuple[Span, ...]
