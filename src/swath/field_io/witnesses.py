@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.witness import Pair, judge, outside
 from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
@@ -118,8 +118,10 @@ AT = Thresholds()
 class Drive:
     """What positions show without any unit.
 
-    middle: lon, lat [deg]; here, after: records and those that follow them, shape (m,); step: way between
-    them [m]; spacing: between neighbouring parallel passes [m], nan = not regular
+    middle: lon, lat [deg]
+    here, after: records and those that follow them, shape (m,)
+    step: way between them [m]
+    spacing: between neighbouring parallel passes [m], nan = not regular
     """
 
     middle: tuple[float, float]
@@ -165,10 +167,8 @@ def drive_of(
 
 def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> float:
     """Median distance from a cutting record to the nearest parallel pass of its season on each side [m]."""
-    try:
+    with Extra("geo", "reading a yield log"):
         from scipy.spatial import cKDTree
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a yield log") from error
     both = cutting[drive.here] & cutting[drive.after]
     if both.sum() < AT.fewest:
         return np.nan
@@ -200,8 +200,11 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
 
 @dataclass(frozen=True)
 class Logged:
-    """What a log says. raw: columns, and those beside, in their own units; time: in clock_units, None = no
-    clock; course: clockwise from north [deg]; width: of the header, where no column says it [m].
+    """What a log says.
+
+    raw: columns, and those beside, in their own units
+    time: in clock_units, None = no clock course: clockwise from north [deg]
+    width: of the header, where no column says it [m]
     """
 
     columns: Mapping[str, Column]
