@@ -9,7 +9,6 @@ import jsonschema
 import pytest
 from docs.make.scenario import reference
 
-from swath.documents.validation import known_keys
 from swath.documents.yaml_document import parse
 from swath.scenario.reference import parameter_rows
 from swath.scenario.scenario import parse_scenario

@@ -183,7 +183,7 @@ def _map(fig: Any, ax: Any, w: Worked) -> None:
     for part in shapely_here().get_parts(ground.field):
         for k, ring in enumerate([part.exterior, *part.interiors]):
             x, y = ground.frame.to_map(np.asarray(ring.coords)).T
-            ax.fill(x, y, color="white" if k else "#F7F4EC", ec=plots.INK, lw=1.0, zorder=0)
+            ax.fill(x, y, color="white" if k else plots.SOIL, ec=plots.INK, lw=1.0, zorder=0)
     shades = mpl.colormaps["viridis"]
     cuts: dict[str, list[tuple[float, float]]] = {
         name: [(s.begin, s.end) for s in spans if s.state == CUT] for name, spans in w.spans.items()
