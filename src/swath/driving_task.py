@@ -54,12 +54,12 @@ class Commanded(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Commanded"]) -> "Commands":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Commands(parts)
 
 
 class Commands(KeepsRows):
-    """Those of many worlds."""
+    """The parts of many worlds, stepped together."""
 
     def __init__(self, parts: Sequence[Commanded]) -> None:
         self.parts, self.errors = parts, dict[int, SwathError]()

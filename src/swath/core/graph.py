@@ -465,7 +465,7 @@ class Lockstep:
         self.look()
 
     def reached(self, goal: Goal) -> NDArray[np.bool_]:
-        """Which worlds have reached a goal."""
+        """Worlds that have reached a goal."""
         found = np.zeros(len(self.graphs), np.bool_)
         for wire in goal.wires:
             sent = self._latest.get(wire)

@@ -201,7 +201,7 @@ class PlacedPlants:
         return self._bounds
 
     def primitives(self) -> Primitives:
-        """All of them, with their copies."""
+        """All primitives, with their copies."""
         return self._primitives
 
     def cells(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

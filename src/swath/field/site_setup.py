@@ -272,7 +272,7 @@ class Bodies:
         return [pairs[key] for key in sorted(pairs)]
 
     def reset(self) -> None:
-        """All of them where they were added."""
+        """Put all bodies where they were added."""
         self._told.clear()
         self._places = {name: self._starts[name] for name in self._places}
         self._speeds = dict.fromkeys(self._places, STILL)

@@ -379,7 +379,7 @@ def _middle(values: Array) -> Estimate:
 
 
 def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
-    """Of one machine, in the order of time."""
+    """Parts of one machine's log in the order of time."""
     usual = _usual(flow)
     is_up = flow > 0.5 * usual
     edges = np.flatnonzero(np.diff(is_up)) + 1

@@ -282,7 +282,7 @@ def rings(polygon: Any) -> tuple[Array, tuple[Array, ...]]:
 
 
 def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
-    """Which points, shape (n, 2), lie in the polygon."""
+    """Whether points, shape (n, 2), lie in the polygon."""
     shapely = _shapely()
     shapely.prepare(polygon)
     return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]))

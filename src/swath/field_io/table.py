@@ -95,7 +95,7 @@ class Cells:
         return (cell for block in self._blocks for cell in block.to_pylist())
 
     def numbers(self) -> Array:
-        """As numbers, nan where a cell is none."""
+        """A column as numbers, nan where a cell is none."""
         return np.concatenate([_floats(block) for block in self._blocks] or [np.zeros(0)])
 
 

@@ -115,7 +115,7 @@ class Ground:
 
     @property
     def truck_m(self) -> float:
-        """From the field to the truck [m]."""
+        """Distance from the field to the truck [m]."""
         return math.dist(self.gate, self.dock[:2])
 
     def _check_ways(self, shapely: Any, parts: tuple[Any, ...], job: JobFile) -> None:

@@ -94,7 +94,7 @@ class Plan:
     notes: tuple[str, ...] = ()
 
     def write(self, path: Path) -> None:
-        """As JSON, in the field's frame [m]."""
+        """Write the plan as JSON, in the field's frame [m]."""
         rows = {"area_m2": self.area, "left_m2": self.left, "passes": [asdict(p) for p in self.passes]}
         write_whole(path, json.dumps(rows, indent=1) + "\n")
 

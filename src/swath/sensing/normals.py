@@ -22,7 +22,7 @@ class AllNormals:
         self._keys, self._slow = np.zeros((len(rows), 2), np.uint64), np.ones(len(rows), np.bool_)
 
     def reset(self, streams: Sequence[Stream]) -> None:
-        """Of these streams from now on."""
+        """Draw from these streams from now on."""
         self._alone = [Normals(stream) for stream in streams]
         self._keys[:] = [stream.key for stream in streams]
 

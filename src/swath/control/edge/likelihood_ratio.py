@@ -48,7 +48,7 @@ AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reporte
 
 @dataclass(frozen=True)
 class Params:
-    """Of the likelihood-ratio detector.
+    """The likelihood-ratio detector.
 
     search_m: standard deviation of where the edge is expected beside the header end, at the start
     hold_m: distance beyond the last place seen for which the edge is held

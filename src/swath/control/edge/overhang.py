@@ -63,7 +63,7 @@ class HeightOverhang:
         return 0.0, self._upright * sqrt((1.0 - ramp) * aside / 3.0)
 
     def _chance(self, crop: float, crop_sd: float, stopped: float) -> F64:
-        """Of every lean, after a height was seen."""
+        """Chance of every lean after a height was seen."""
         mean, sd = _seen(stopped)
         tall = mean * np.minimum(_TALL, self._most)
         sd = hypot(sd, crop_sd / self._upright)

@@ -21,7 +21,7 @@ class Clears(KeepsState):
         self.clear()
 
     def clear(self) -> None:
-        """As at the beginning."""
+        """Begin anew."""
         raise NotImplementedError
 
 

@@ -20,7 +20,7 @@ class SilentBeams(Clears):
     kept = ("is_dead", "_echoes", "_scans")
 
     def clear(self) -> None:
-        """All beams count."""
+        """Let all beams count again."""
         self.is_dead: NDArray[np.bool_] = np.zeros(0, bool)
         self._echoes: NDArray[np.int64] = np.zeros(0, np.int64)
         self._scans = 0

@@ -46,7 +46,7 @@ class Track:
     evidence: float = 0.0
 
     def at(self, t: float) -> tuple[float, float]:
-        """Where it is expected at a time [s]."""
+        """Place where the object is expected at a time [s]."""
         dt = t - self.t
         return self.place[0] + dt * self.velocity[0], self.place[1] + dt * self.velocity[1]
 
@@ -86,7 +86,7 @@ class Tracks(KeepsState):
         self._number = 0
 
     def confirmed(self) -> list[Track]:
-        """Those that count."""
+        """Tracks that enough measurements have shown."""
         return [t for t in self._tracks if t.hits >= self._confirm and t.confidence >= FAINT]
 
     def update(self, t: float, heaps: list[Heap], is_blind: Callable[[Track], bool]) -> None:

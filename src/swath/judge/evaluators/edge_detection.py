@@ -116,7 +116,7 @@ class States:
         self.t, self.rows = more.t[-MOST:], more.rows[-MOST:]
 
     def with_block(self, block: Block | None) -> "States":
-        """These and more."""
+        """Add a block of samples."""
         if block is None:
             return self
         rows = np.column_stack([block["pose"], block["distance"]])

@@ -58,7 +58,7 @@ class FixedHeightHeader(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["FixedHeightHeader"]) -> "Headers":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Headers(parts)
 
 
@@ -105,7 +105,7 @@ class Headers(Compiled):
         return {"path": self._parts[world].path.save(), "gauge": self._parts[world].gauge.save()}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._parts[world].path.load(state["path"])
         self._parts[world].gauge.load(state["gauge"])
 

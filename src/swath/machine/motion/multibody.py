@@ -188,7 +188,7 @@ class Multibody(KeepsState):
         return {**super().save(), "mujoco": kept}
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._fill(state["grain"], force=True)
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         self._mj.mj_setState(self.model, self.data, state["mujoco"], kind)
@@ -292,7 +292,7 @@ class Multibody(KeepsState):
 
     @property
     def mass(self) -> float:
-        """Of the whole machine [kg]."""
+        """Mass of the whole machine [kg]."""
         return float(self.model.body_mass.sum())
 
 

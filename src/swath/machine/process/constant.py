@@ -110,12 +110,12 @@ class ConstantProcess(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["ConstantProcess"]) -> "Processes":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Processes(parts)
 
 
 class Processes(Compiled):
-    """Those of many worlds."""
+    """The parts of many worlds, stepped together."""
 
     reads: ClassVar = {"state": MachineState}
     hears: ClassVar = {"flow": CropFlow}
@@ -161,7 +161,7 @@ class Processes(Compiled):
         return {"sums": self._sums.save(world), "outlet": self._parts[world].outlet.save()}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._sums.load(world, state["sums"])
         self._parts[world].outlet.load(state["outlet"])
 

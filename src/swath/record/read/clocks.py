@@ -53,7 +53,7 @@ class Clocks:
     _of: dict[str, _Clock] = field(default_factory=dict)
 
     def again(self) -> "Clocks":
-        """For another pass through the recording."""
+        """Begin another pass through the recording."""
         return Clocks([*self.zeros])
 
     def time(self, of: str, stamp: int, t: int, note: Callable[[str], None]) -> int:

@@ -37,7 +37,7 @@ class Context:
     _below: dict[str, Pose | None] = field(default_factory=dict)
 
     def again(self) -> "Context":
-        """For another pass through the recording."""
+        """Begin another pass through the recording."""
         return replace(self, clocks=self.clocks.again(), _below={})
 
     def note(self, what: str) -> None:

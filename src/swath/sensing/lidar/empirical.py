@@ -104,7 +104,7 @@ class TableLidar(InWorlds, ScanningLidar):
 
     @classmethod
     def together(cls, parts: Sequence[Any]) -> Sweeps:
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Sweeps(parts)
 
     @property

@@ -45,7 +45,7 @@ class ProfileLidar(TableLidar):
 
     @classmethod
     def together(cls, parts: Sequence["ProfileLidar"]) -> "Scanners":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Scanners(parts)
 
     @property
@@ -64,7 +64,7 @@ class ProfileLidar(TableLidar):
         super().begin(stream)
 
     def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
-        """Of the ground that beams meet here."""
+        """Rise of the ground that beams meet here."""
         return self.profile.rise(places, steps)
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
@@ -170,7 +170,7 @@ class Scanners(Sweeps):
         return {**super().save(world), "station": int(self._stations[world])}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         super().load(world, state)
         self._stations[world], self._looked_at[:] = state["station"], 1
 

@@ -89,7 +89,7 @@ class Sweeps(Compiled):
         return {**KeepsState.save(self.parts[world]), "last": self.last[world].copy()}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         KeepsState.load(self.parts[world], state)
         self.last[world] = state["last"]
 

@@ -103,7 +103,7 @@ class Grid:
 
     @property
     def count(self) -> int:
-        """Of bins."""
+        """Number of bins."""
         return len(self.ranges) * len(self.azimuths) * len(self.speeds)
 
 

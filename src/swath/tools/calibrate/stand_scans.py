@@ -95,13 +95,13 @@ class EchoSettings:
         return load_lidar(self.sensor)
 
     def receiver(self) -> Receiver:
-        """As the level `plants` has it with this scanner."""
+        """Receiver that the level `plants` has with this scanner."""
         weakest = 0.0 if self.sees_weakest else least_energy(self.sheet.range_10)
         gap = merging_gap(self.sheet.pulse)
         return Receiver(rule=self.rule, percentile=self.percentile, gap=gap, least_energy=weakest)
 
     def distance(self, spot: float) -> float:
-        """From where a spot is this wide [m]."""
+        """Distance from which a spot is this wide [m]."""
         beam = self.sheet.beam
         return (spot - float(np.mean(beam.exit_diameter))) / float(np.mean(beam.divergence))
 

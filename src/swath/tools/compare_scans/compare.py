@@ -73,7 +73,7 @@ class Path:
         return place + (s - inside)[:, None] * ahead, heading
 
     def place(self, points: F64) -> Place:
-        """Of world points (n, >=2)."""
+        """Places of world points (n, >=2) along and across the edge."""
         parts = [self._some(points[i : i + AT_ONCE, :2]) for i in range(0, len(points), AT_ONCE)]
         s, d = (np.concatenate(p) for p in zip(*parts, strict=True))
         return Place(s, d)
@@ -537,7 +537,7 @@ def _cdf(counts: Any) -> F64:
 
 
 def _mean(values: ArrayLike) -> float:
-    """Of the finite ones, nan where there is none."""
+    """Mean of the finite values, nan where there is none."""
     found = np.asarray(values, dtype=float)
     found = found[np.isfinite(found)]
     return float(found.mean()) if len(found) else float("nan")

@@ -173,7 +173,7 @@ class SceneJob:
 
 
 def name_of(picture: int) -> str:
-    """Of the files of a picture, without the ending."""
+    """Name of the files of a picture, without the ending."""
     return f"{picture + 1:06d}"
 
 

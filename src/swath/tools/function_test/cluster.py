@@ -153,7 +153,7 @@ _LOCK = Lock()  # a worker may have several threads, its journal and its fields 
 
 @cache
 def _tools(folder: str) -> tuple[Journal, KeptFields]:
-    """Of this worker process."""
+    """Tools of this worker process."""
     os.environ.setdefault("SWATH_THREADS", "1")
     return Journal(Path(folder), f"worker-{socket.gethostname()}-{os.getpid()}"), KeptFields()
 

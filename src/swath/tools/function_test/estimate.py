@@ -228,7 +228,7 @@ class Estimated:
 
     @property
     def results(self) -> list[Result]:
-        """Of all runs at the level that is judged."""
+        """Results of all runs at the level that is judged."""
         rounds = [r for r in (*self.rounds, self.last) if not r.level]
         return [result for r in rounds for result in r.results]
 

@@ -41,7 +41,7 @@ class Difference:
 
 
 def difference(values: Sequence[float]) -> Difference:
-    """Of paired differences, (n,), finite."""
+    """Difference that pairs show, (n,), finite."""
     stats = _scipy()
     d = np.asarray(values, dtype=float)
     n = len(d)

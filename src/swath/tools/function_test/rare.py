@@ -311,7 +311,7 @@ class Rate:
 
     @property
     def half_width(self) -> float:
-        """Of the interval, as a share of the value."""
+        """Half width of the interval, as a share of the value."""
         return 0.5 * (self.high - self.low) / self.value if self.value > 0.0 else np.inf
 
 

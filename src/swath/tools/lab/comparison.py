@@ -102,7 +102,7 @@ def _compare(level: str, against: str, found: Sequence[Agreement], band: dict[st
 
 
 def rating_of(number: str, value: float, band: float) -> str:
-    """One of RATINGS."""
+    """Rating, one of RATINGS."""
     size = deviation(number, value)
     for rating, limit in (
         ("repeatable", band),

@@ -124,7 +124,7 @@ class Settings:
                 raise InputError(key, " ".join(names), "expected each only once")
 
     def conditions(self) -> list[Condition]:
-        """All of them, the weather last."""
+        """All conditions, the weather last."""
         return [Condition(*values) for values in product(self.heights, self.densities, self.weathers)]
 
 
@@ -171,7 +171,7 @@ class Scene:
 
 
 def places() -> Iterator[tuple[float, float]]:
-    """All of the grid, (inside, aside) [m]."""
+    """All places of the grid, (inside, aside) [m]."""
     return product(INSIDE, ASIDE)
 
 

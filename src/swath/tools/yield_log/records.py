@@ -56,7 +56,7 @@ class Records:
 
     @property
     def grain_kg(self) -> float:
-        """All that passed the sensor [kg]."""
+        """Grain that passed the sensor [kg]."""
         return float((self.flow * np.diff(self.time, prepend=0.0)).sum())
 
 
@@ -126,7 +126,7 @@ def records_of(
 
 
 def _origin(scenario: Scenario, at: tuple[float, float]) -> Origin:
-    """That of the field, else the place given."""
+    """Origin of the field, else the place given."""
     if scenario.field.folder is not None:
         return read_origin(scenario.field.folder)
     return stated_origin(scenario.field) or origin_at(*at)

@@ -51,7 +51,7 @@ def check_file(path: Path) -> tuple[Domain, list[Finding]]:
 
 
 def check(odd: Odd) -> list[Finding]:
-    """Of a bound ODD."""
+    """Check a bound ODD."""
     bound = odd.file.attributes
     text = "the binding does not name it"
     found = [Finding(UNBOUND, name, text) for name in odd.domain.attributes if name not in bound]
