@@ -12,7 +12,7 @@ import numpy as np
 from swath.api import Sets, load_scenario
 from swath.core.abilities import HasRange
 from swath.core.component import Port
-from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.errors import Extra, InputError, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
@@ -27,10 +27,8 @@ from swath.scenario.slots import kind_of
 from swath.sensing.camera.rays import SceneCamera
 from swath.signals import Signal, SpeedCommand, SteerCommand
 
-try:
+with Extra("gym", "swath.Env"):
     from gymnasium import logger, spaces
-except ImportError as error:
-    raise MissingExtra("gym", "swath.Env") from error
 
 OBSERVED = (  # name, largest size; the edge's offset counts from the header end, > 0 left
     ("offset_m", 10.0), ("heading_rad", np.pi), ("curvature_1_m", 0.5), ("confidence", 1.0),

@@ -19,12 +19,10 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the script."""
-    from swath.core.errors import MissingExtra
+    from swath.core.errors import Extra
 
-    try:
+    with Extra("shell", "swath completion"):
         import shtab
-    except ImportError as error:
-        raise MissingExtra("shell", "swath completion") from error
     print(shtab.complete(args.parser, args.shell))
     return 0
 

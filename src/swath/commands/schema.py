@@ -11,9 +11,7 @@ from swath.terminal.options import option
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("schema", help="JSON Schema of scenario and job files, for editors")
-    option(
-        parser, "kind", "kind of file (default scenario)", "scenario", nargs="?", choices=("scenario", "job")
-    )
+    option(parser, "kind", "kind of file", ("scenario", "job"), nargs="?")
     option(parser, "--out F", "file to write (default: print it)", type=Path)
     parser.set_defaults(run=run)
 

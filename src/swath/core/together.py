@@ -303,6 +303,7 @@ class InWorlds(ABC):
         """Make one object that steps these parts of many worlds together."""
 
     alone: Together | None = None  # the batch of one, once it is reset
+    gains: ClassVar[bool] = True  # whether a step of many worlds costs less than one of each
 
     def reset(self, stream: Stream) -> Outputs:
         """The state at t = 0."""

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.portable import product
 from swath.core.read_file import check_readable
 from swath.core.units import CM, MM
@@ -115,10 +115,8 @@ def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
 
 def _load(path: Path) -> Any:
     """The file as a trimesh scene."""
-    try:
+    with Extra("mesh", "reading a mesh"):
         import trimesh
-    except ImportError as error:
-        raise MissingExtra("mesh", "reading a mesh") from error
     kind = path.suffix.lower().lstrip(".")
     if kind not in FORMATS:
         raise _bad(f"expected a mesh file, one of .{', .'.join(FORMATS)}")

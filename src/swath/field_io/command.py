@@ -34,8 +34,7 @@ def add(parsers: Any) -> Any:
         imports,
         "--as",
         "map: stand and yield of records in any order, without passes",
-        "passes",
-        choices=("passes", "map"),
+        ("passes", "map"),
         dest="kind",
     )
     option(imports, "--replace", "make DIR anew where it is a field; its changes are lost")

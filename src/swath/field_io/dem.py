@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.witness import Pair, judge, ratio
 from swath.field.band import GROUND, check_ground, horizontal, read_band
 from swath.field.projection import transform
@@ -32,11 +32,9 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     Raises InputError when the file is unreadable, has no CRS, covers less than LEAST_KNOWN of the grid, or
     holds what cannot be ground.
     """
-    try:
+    with Extra("geo", "reading a DEM"):
         import rasterio
         import rasterio.warp
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a DEM") from error
     ny, nx = grid.values.shape
     west, _, _, north = grid.bounds
     target = rasterio.Affine(grid.cell, 0.0, west, 0.0, -grid.cell, north)

@@ -105,7 +105,8 @@ def gains_in_step(scenario: Scenario) -> bool:
     every = [choice for machine in scenario.machines.values() for choice in machine.slots.values()]
     if scenario.is_paced or any(choice.found.is_link for choice in every):
         return False
-    return all(takes_all(choice.found.component, "step") for choice in every if choice.kind.name in LOOK)
+    looking = [choice.found.component for choice in every if choice.kind.name in LOOK]
+    return all(takes_all(kind, "step") and getattr(kind, "gains", True) for kind in looking)
 
 
 def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:

@@ -15,7 +15,8 @@ def option(
 
     name: with what stands for its value, `--budget N`; an option without that is a flag
     text: of the help
-    default: its type is that of the value; of a list, the option may be given several times
+    default: its type is that of the value, and the help says it; a list: the option may be given several
+        times; a tuple: what may stand there, the first is the default
     more: what else argparse takes
     """
     name, _, metavar = name.partition(" ")
@@ -23,10 +24,14 @@ def option(
         more["metavar"] = metavar
     if isinstance(default, list):
         more["action"] = "append"
+    elif isinstance(default, tuple):
+        more["choices"], default = default, default[0]
     elif default is not None:
         more.setdefault("type", Path if isinstance(default, Path) else type(default))
     elif name.startswith("-") and not more.keys() & {"metavar", "choices", "nargs"}:
         more["action"] = "store_true"
+    if isinstance(default, int | float | str) and default != "" and "default" not in text:
+        text += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
     parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
 
 

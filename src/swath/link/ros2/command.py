@@ -13,7 +13,7 @@ def add(parsers: Any) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     play = verbs.add_parser("play", help="publish a recorded run at its pace", description=_DESCRIPTION)
     option(play, "source RUN", "a run folder, or its run.mcap", type=Path)
-    option(play, "--factor X", "simulated seconds per second (default 1)", 1.0)
+    option(play, "--factor X", "simulated seconds per second", 1.0)
     add_ros2_network(play)
     play.set_defaults(run=run_play)
     text = "write swath_msgs, the package of swath's own message types, for colcon to build"

@@ -73,6 +73,7 @@ class TableLidar(InWorlds, ScanningLidar):
     """A scanner whose beams go into crop as a table says. beam: keywords of `pack_canopy`."""
 
     kept = ("ray_count", "_clamped", "_notes")
+    gains = False
     level: ClassVar[str]
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:

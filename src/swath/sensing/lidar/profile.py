@@ -32,7 +32,7 @@ AHEAD = 48.0  # ground is laid so much farther than beams reach, half of it for 
 class ProfileLidar(TableLidar):
     """Scans profiles with a moving scanner. swept: (1,) sweeps so far."""
 
-    level = "profile"
+    level, gains = "profile", True
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.swept = np.zeros(1, np.int64)

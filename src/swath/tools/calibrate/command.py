@@ -21,27 +21,16 @@ def add(parsers: Any) -> None:
         "plants",
         dest="source",
     )
-    option(lidar, "--crop", "crop (default wheat)", "wheat")
-    option(lidar, "--echo", "echo rule (default percentile)", "percentile", choices=("percentile", "nearest"))
-    option(lidar, "--percentile P", "of the ranges in a spot, for --echo percentile (default 50)", 50.0)
-    option(lidar, "--sub-rays N", "sub-rays per beam (default 37)", 37)
-    option(
-        lidar,
-        "--profile",
-        "intensity over the spot (default gaussian)",
-        "gaussian",
-        choices=("gaussian", "uniform"),
-    )
-    option(
-        lidar,
-        "--sensor NAME",
-        "scanner whose receiver decides which echoes are too weak (default sick-lms111)",
-        "sick-lms111",
-    )
+    option(lidar, "--crop", "crop", "wheat")
+    option(lidar, "--echo", "echo rule", ("percentile", "nearest"))
+    option(lidar, "--percentile P", "of the ranges in a spot, for --echo percentile", 50.0)
+    option(lidar, "--sub-rays N", "sub-rays per beam", 37)
+    option(lidar, "--profile", "intensity over the spot", ("gaussian", "uniform"))
+    option(lidar, "--sensor NAME", "scanner whose receiver decides which echoes are too weak", "sick-lms111")
     option(lidar, "--lines N", "scan lines of 24 beams per place (default 80)", type=int)
     option(lidar, "--narrow", "only spots up to 90 mm and usual stands: a smaller table")
     option(lidar, "--quick", "a coarse design, for a first try")
-    option(lidar, "--seed N", "seed (default 1)", 1)
+    option(lidar, "--seed N", "seed", 1)
     lidar.set_defaults(run=run)
     add_engine(kinds)
 

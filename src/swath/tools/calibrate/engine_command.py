@@ -27,8 +27,8 @@ def add_engine(kinds: Any) -> None:
         "key of the data sheet to fit (default: rated power, idle fuel, auxiliary power, drum work)",
         [],
     )
-    option(parser, "--straw R", "straw per grain (default 0.65)", 0.65)
-    option(parser, "--resamples N", "bootstrap resamples (default 1000)", 1000)
+    option(parser, "--straw R", "straw per grain", 0.65)
+    option(parser, "--resamples N", "bootstrap resamples", 1000)
     option(parser, "--seed", "seed of the bootstrap", 1)
     option(parser, "--columns MAP.yaml", "which column of the log is what", type=Path)
     option(parser, "--out SHEET.yaml", "write the data sheet as fitted", type=Path)

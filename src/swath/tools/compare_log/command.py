@@ -35,21 +35,20 @@ def add(parsers: Any) -> None:
         [],
     )
     option(log, "--machine NAME", "fit on this machine of the log, test on the others")
-    option(log, "--share SHARE", "fit on this first share of the log, test on the rest (default 0.5)", 0.5)
+    option(log, "--share SHARE", "fit on this first share of the log, test on the rest", 0.5)
     option(log, "--alternate", "fit on every other stretch between pauses, test on the others")
-    option(log, "--process LEVEL", "level of the process (default threshing)", "threshing")
-    option(log, "--engine LEVEL", "level of the powertrain (default ideal)", "ideal")
-    option(log, "--straw R", "straw per grain (default 0.65)", 0.65)
+    option(log, "--process LEVEL", "level of the process", "threshing")
+    option(log, "--engine LEVEL", "level of the powertrain", "ideal")
+    option(log, "--straw R", "straw per grain", 0.65)
     option(log, "--whole-crop", "the logged flow is grain and straw together")
-    option(log, "--flow-floor F", "flow that is logged without crop [kg/s] (default 0)", 0.0)
+    option(log, "--flow-floor F", "flow that is logged without crop [kg/s]", 0.0)
     option(
         log,
         "--load-over",
         "what 100 %% of logged load is: torque at the present speed, or the largest torque",
-        "present",
-        choices=("present", "largest"),
+        ("present", "largest"),
     )
-    option(log, "--friction P", "logged load at zero torque [%%] (default 0)", 0.0)
+    option(log, "--friction P", "logged load at zero torque [%%]", 0.0)
     option(
         log,
         "--antenna",

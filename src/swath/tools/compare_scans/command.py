@@ -26,15 +26,13 @@ def add(verbs: Any) -> None:
         made,
         "--align",
         "by the poses (default), each along its own path, or by the poses and then ICP (extra mesh)",
-        "pose",
-        choices=("pose", "path", "icp"),
+        ("pose", "path", "icp"),
     )
     option(
         made,
         "--ground",
         "ground from the poses, or from the lowest echoes; of LAS always the latter",
-        "pose",
-        choices=("pose", "echoes"),
+        ("pose", "echoes"),
     )
     for key, unit, text in (
         ("cell", "M", "width of a cell across the path [m] (default 0.25)"),

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.random import Stream
 from swath.signals import F64
 from swath.tools.compare_scans.clouds import LOWEST_M, Cloud, axis_track
@@ -148,11 +148,9 @@ def _check_overlap(a: Cloud, b: Cloud) -> None:
 
 def _by_icp(a: Cloud, b: Cloud, notes: list[str]) -> F64:
     """Points of B moved onto those of A. InputError where what was found is not plausible."""
-    try:
+    with Extra("mesh", "--align icp"):
         import scipy.spatial  # noqa: F401  that trimesh looks neighbours up with
         from trimesh.registration import icp
-    except ImportError as error:
-        raise MissingExtra("mesh", "--align icp") from error
     middle = a.points.mean(axis=0)
     low, high = np.percentile(a.points, [0.5, 99.5], axis=0)
     inside = ((b.points >= low - 1.0) & (b.points <= high + 1.0)).all(axis=1)

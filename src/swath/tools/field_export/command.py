@@ -24,10 +24,10 @@ def add(parsers: Any) -> None:
     option(parser, "--field-state FILE", "the field as a run left it (--save-field)")
     option(parser, "--at-s S", "after S seconds of driving", 0.0)
     option(parser, "--place X,Y", "the middle [m] (default: where the first machine meets the crop)")
-    option(parser, "--ground-m L", "side of the square of ground (60)", 60.0)
-    option(parser, "--plants-m R", "radius with plants of sdf and glb (3; 0 = none)", 3.0)
-    option(parser, "--points-per-m2 N", "pulses of the survey, las (50)", 50.0)
-    option(parser, "--most-mb MB", "refuse to write more than that (250)", 250.0)
+    option(parser, "--ground-m L", "side of the square of ground", 60.0)
+    option(parser, "--plants-m R", "radius with plants of sdf and glb (0 = none)", 3.0)
+    option(parser, "--points-per-m2 N", "pulses of the survey, las", 50.0)
+    option(parser, "--most-mb MB", "refuse to write more than that", 250.0)
     parser.set_defaults(run=run)
 
 

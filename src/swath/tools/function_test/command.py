@@ -40,7 +40,7 @@ def add(parsers: Any) -> None:
     )
     option(run, "--seeds N", "seeds 1 to N instead of those of the cases", type=int)
     option(run, "--draw N", "N random points instead of the grid", 0)
-    option(run, "--draw-seed N", "seed of the random points (default 1)", 1)
+    option(run, "--draw-seed N", "seed of the random points", 1)
     option(run, "--only TAG", "only cases with this tag", [])
     add_sets(run, "change every scenario")
     option(

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.errors import Extra, InputError, SwathError
 from swath.core.random import Stream
 from swath.core.whole_file import no_link
 from swath.signals import F64
@@ -385,8 +385,6 @@ def check(asked: Estimate) -> Case:
 
 
 def _normal_share(place: F64) -> F64:
-    try:
+    with Extra("test", "swath test estimate"):
         from scipy.special import ndtr
-    except ImportError:
-        raise MissingExtra("test", "swath test estimate") from None
     return np.asarray(ndtr(place))

@@ -24,7 +24,7 @@ def add(verbs: Any) -> None:
     option(estimate, "case", "a case file or a bundled case; `exposure` says how often values occur")
     add_folder(estimate, "estimate", text="folder of the results", alone=False)
     option(estimate, "--limit NAME", "only this limit (default: any)", "")
-    option(estimate, "--budget N", "runs at the level judged (default 2000)", 2000)
+    option(estimate, "--budget N", "runs at the level judged", 2000)
     add_sets(estimate, "of every scenario")
     option(
         estimate,
@@ -34,7 +34,7 @@ def add(verbs: Any) -> None:
     )
     option(estimate, "--cheap-budget N", "runs of the cheap search (default: as --budget)", type=int)
     option(estimate, "--at-most P", "judge: the probability is at most this", type=float)
-    option(estimate, "--draw-seed N", "seed of the random points (default 1)", 1)
+    option(estimate, "--draw-seed N", "seed of the random points", 1)
     option(estimate, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
     option(estimate, "--cluster WHERE", CLUSTER, "")
     estimate.set_defaults(run=_estimate)

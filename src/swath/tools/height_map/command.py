@@ -29,11 +29,7 @@ def add(parsers: Any) -> None:
     )
     option(made, "--antenna X,Y,Z", "where the receiver sits on the machine [m] (default: 0,0,0)")
     option(
-        made,
-        "--ground",
-        "ground from the poses alone, or corrected by the lowest echoes",
-        "pose",
-        choices=("pose", "echoes"),
+        made, "--ground", "ground from the poses alone, or corrected by the lowest echoes", ("pose", "echoes")
     )
     for key, unit, text in (
         ("cell", "M", "side of a cell [m] (default 0.05)"),

@@ -24,13 +24,13 @@ def add(parsers: Any) -> None:
         nargs="+",
         type=float,
     )
-    option(made, "--crop NAME|FILE", "crop (default wheat)", "wheat")
+    option(made, "--crop NAME|FILE", "crop", "wheat")
     option(made, "--crop-height-m M", "height of the crop (default: that of its data sheet)", type=float)
     option(made, "--real FILE", "heights measured in the field (CSV)", type=Path)
     option(made, "--levels LEVEL", "LiDAR levels to compare (default: all)", nargs="+")
-    option(made, "--seeds N", "stands per case (default 5)", 5)
-    option(made, "--seed N", "first of the seeds (default 1)", 1)
-    option(made, "--distance-m M", "to the crop along the middle beam (default 5)", 5.0)
+    option(made, "--seeds N", "stands per case", 5)
+    option(made, "--seed N", "first of the seeds", 1)
+    option(made, "--distance-m M", "to the crop along the middle beam", 5.0)
     add_sets(made, "a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times")
     former(made, crop_height_m="--height", stems_per_m2="--density")
     made.set_defaults(run=run_stand)

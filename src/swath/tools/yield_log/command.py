@@ -15,11 +15,11 @@ def add(parsers: Any) -> None:
     option(parser, "run_folder RUN", "a run folder", type=Path)
     option(parser, "--out DIR|FILE.csv", "a CSV, or a folder for ISOXML task data", type=Path, required=True)
     option(parser, "--machine NAME", "which machine (default: the first that harvests)")
-    option(parser, "--interval-s S", "between records (default 1)", 1.0)
+    option(parser, "--interval-s S", "between records", 1.0)
     option(
         parser,
         "--sensor-delay-s S",
-        "from the tank inlet to the sensor, added to the machine's own delay (default 0)",
+        "from the tank inlet to the sensor, added to the machine's own delay",
         0.0,
     )
     option(parser, "--origin LAT,LON", "where a field without coordinates lies (default 52,9)")

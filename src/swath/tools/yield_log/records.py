@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath import __version__
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.foreign_code import code_unread
 from swath.core.output_folder import held
 from swath.core.whole_file import write_whole
@@ -217,11 +217,9 @@ def write_isoxml(log: Records, folder: Path) -> Path:
 
 def _task_data(log: Records) -> str:
     """TASKDATA.XML: one machine, one field of the size of the ground that was cut, its crop and one task."""
-    try:
+    with Extra("geo", "ISOXML task data"):
         from isoxml.models.base import v4 as iso
         from isoxml.util.isoxml_io import isoxml_to_text
-    except ImportError as error:
-        raise MissingExtra("geo", "ISOXML task data") from error
     name, machine = log.name[:LONGEST_NAME], log.machine[:LONGEST_NAME]
     client = (HARVESTER | zlib.crc32(log.machine.encode()) & 0x1F_FFFF).to_bytes(8, "big")
     first = 2  # object ids: the element is 1, then channels, then their presentations
