@@ -25,6 +25,7 @@ class Compiled(ABC):
     reads: ports with the type of what they receive, hears: those with a history; one that is open is left out
     given: what they read, by port; sent: what they send, by output: rows with one memory for life
     heard: trails of what came at inputs with a history since the last step
+    active: (worlds,) those that still run
     clock: (3,) begin, end and length of a step [ns]; needs: (1,), set by a launch that lacks something
     """
 
@@ -38,6 +39,7 @@ class Compiled(ABC):
         self.given: dict[str, Row] = {}
         self.heard: dict[str, Trail] = {}
         self.errors: dict[int, SwathError] = {}
+        self.active = np.ones(worlds, np.bool_)
         self.clock, self.needs = np.zeros(3, np.int64), np.zeros(1, np.int32)
         self._launches: Sequence[Repeated] | None = None
 

@@ -12,7 +12,7 @@ import numpy as np
 from swath.api import Sets, load_scenario
 from swath.core.abilities import HasRange
 from swath.core.component import Port
-from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.errors import Extra, InputError, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
@@ -27,10 +27,8 @@ from swath.scenario.slots import kind_of
 from swath.sensing.camera.rays import SceneCamera
 from swath.signals import Signal, SpeedCommand, SteerCommand
 
-try:
+with Extra("gym", "swath.Env"):
     from gymnasium import logger, spaces
-except ImportError as error:
-    raise MissingExtra("gym", "swath.Env") from error
 
 OBSERVED = (  # name, largest size; the edge's offset counts from the header end, > 0 left
     ("offset_m", 10.0), ("heading_rad", np.pi), ("curvature_1_m", 0.5), ("confidence", 1.0),
@@ -42,9 +40,9 @@ OUTSIDE = 1e-6  # of an action beyond its space: more than float32 rounds off
 
 
 class Commanded(InWorlds):
-    """A part of a machine that sends what it was told last. kind: of the command.
+    """A part of a machine that sends what it was given last. kind: of the command.
 
-    field: of it that is told; more: its other fields; value: told last
+    field: the field of it that is given; more: its other fields; value: given last
     """
 
     def __init__(self, kind: type[Signal], field: str, **more: Any) -> None:
@@ -54,12 +52,12 @@ class Commanded(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Commanded"]) -> "Commands":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Commands(parts)
 
 
 class Commands(KeepsRows):
-    """Those of many worlds."""
+    """The parts of many worlds, stepped together."""
 
     def __init__(self, parts: Sequence[Commanded]) -> None:
         self.parts, self.errors = parts, dict[int, SwathError]()

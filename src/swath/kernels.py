@@ -119,7 +119,7 @@ class Rows:
         return np.array(self._bytes[world])
 
     def load(self, world: int, state: Any) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._bytes[world] = state
 
 

@@ -253,7 +253,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def _settle(
         self, cohort: _Cohort, which: np.ndarray, begin: int, *, is_end: bool, infos: dict[str, Any]
     ) -> None:
-        """Observation, reward and what is told of worlds of a cohort, at the end of their step."""
+        """Observation, reward and what is reported of worlds of a cohort, at the end of their step."""
         self._look(cohort, which)
         worlds, members, period = cohort.worlds, cohort.members[which], self.task.limits_period
         way, before = np.array(worlds.driven())[which], self._way[members]
@@ -309,14 +309,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         infos[f"_{name}"] = self._mask(infos, name, which)
 
     def _mask(self, infos: Mapping[str, Any], name: str, which: np.ndarray) -> np.ndarray:
-        """Of which environments something is told."""
+        """Of which environments something is reported."""
         mask: np.ndarray = infos.get(f"_{name}", np.zeros(self.num_envs, np.bool_))
         mask[which] = True
         return mask
 
 
 def taken(infos: dict[str, Any], index: int) -> dict[str, Any]:
-    """What is told of one environment, as `Env` tells it, taken out of what is told of all."""
+    """What is reported of one environment, as `Env` gives it, taken out of what is reported of all."""
     found: dict[str, Any] = {}
     for name in [name for name in infos if f"_{name}" in infos and infos[f"_{name}"][index]]:
         value, mask = infos[name], infos[f"_{name}"]

@@ -4,13 +4,14 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from swath.terminal.options import option
 from swath.terminal.tables import add_json, as_json, say, table
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("levels", help="list every slot with its levels; explain one slot")
-    parser.add_argument("slot", nargs="?", metavar="SLOT", help="explain its levels, ports and parameters")
+    option(parser, "slot SLOT", "explain its levels, ports and parameters", nargs="?")
     add_json(parser)
     parser.set_defaults(run=run)
 

@@ -133,7 +133,7 @@ class Pile:
 
     @property
     def orders(self) -> Sequence[int] | Ints:
-        """Of each the place among all that was sent."""
+        """Place of each among all samples that were sent."""
         return self._orders if self.trail is None else self.trail.orders[: self.count]
 
     @property
@@ -163,7 +163,7 @@ class Pile:
 
     @property
     def worlds(self) -> int:
-        """In how many."""
+        """Number of worlds."""
         return len(self.each[0]) if self.each else next(iter(self.arrays.values())).shape[1]
 
     def _fits(self, samples: Samples) -> bool:
@@ -189,7 +189,7 @@ class Block:
 
     @cached_property
     def orders(self) -> Ints:
-        """Of each the place among all that was sent."""
+        """Place of each among all samples that were sent."""
         return np.array(self.pile.orders[: self._count], np.int64)
 
     @cached_property
@@ -289,7 +289,7 @@ class Seen:
         return self._by_kind[key]
 
     def machines(self, kind: type[Signal]) -> list[str]:
-        """Whose samples of a type are among them."""
+        """Machines whose samples of a type are among them."""
         return list(dict.fromkeys(b.slot.partition(".")[0] for b in self.blocks if issubclass(b.kind, kind)))
 
     def kinds(self) -> Sequence[tuple[str, type[Signal]]]:
@@ -399,7 +399,7 @@ class Blocks:
             trail.reserve(more)
 
     def take(self) -> list[Pile]:
-        """All of it; from now on there is nothing."""
+        """Take everything; from now on it is empty."""
         found = [pile for piles in self._piles.values() for pile in piles if pile.count]
         for pile in found:
             pile.close()

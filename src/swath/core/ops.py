@@ -26,7 +26,7 @@ Call = tuple[int, int, int]  # addresses of a compiled function and of what it i
 
 LINE = 6  # numbers of a line of a program: what it does, and five that it needs for that
 CALL, NEED, CLEAR, SEND, STAMP, KEEP, REACH = range(7)
-# What the walker is told, and tells: ticks from, to, begin of their round [ns]; part and line to go on from,
+# What the walker reads, and writes: ticks from, to, begin of their round [ns]; part and line to go on from,
 # part to end before in the last tick (-1 = its own); slot that needs something (-1 = none), and after which
 # of its launches; whether a goal is reached; addresses of the clock and of the number of samples sent so far.
 FIRST, LAST, BASE, PART, FROM, STOP, NEEDS, STAGE, REACHED, CLOCK, ORDER = range(11)
@@ -38,6 +38,7 @@ class Op(Protocol, metaclass=ByMembers):
 
     sent: by output; heard: trails that it takes samples of inputs with a history from; walks: whether
     launches are all that a step takes
+    active: worlds that still run
     needs: (1,) int32, set by a launch that lacks something: `supply` then does what it did not
     """
 
@@ -46,6 +47,7 @@ class Op(Protocol, metaclass=ByMembers):
     walks: bool
     needs: NDArray[np.int32]
     errors: dict[int, SwathError]
+    active: NDArray[np.bool_]
 
     def link(self, rows: Mapping[str, Row], trails: Mapping[str, Trail], clock: Ints) -> None:
         """Take the rows and trails of all slots, and the clock."""

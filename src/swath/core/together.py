@@ -46,7 +46,7 @@ class Samples:
 
     @property
     def count(self) -> int:
-        """In how many worlds."""
+        """Number of worlds."""
         return len(next(iter(self.arrays.values())))
 
     def of(self, world: int) -> Any:
@@ -113,12 +113,12 @@ class Sent:
 
     @property
     def kind(self) -> type[Signal]:
-        """Of which type they are."""
+        """Type of the samples."""
         return type(self._each[0]) if self._all is None else self._all.kind  # type: ignore[index]
 
     @property
     def names(self) -> Collection[str]:
-        """Of fields that may differ between worlds."""
+        """Names of fields that may differ between worlds."""
         return _makers(self.kind).keys() if self._all is None else self._all.arrays.keys()
 
     @property
@@ -131,7 +131,7 @@ class Sent:
 
     @property
     def each(self) -> Sequence[Signal]:
-        """One by one."""
+        """Give them one by one."""
         if self._each is None and self._origin is not None:
             self._each = self._origin._each
         if self._each is None:
@@ -155,7 +155,7 @@ class Sent:
         return found[world] if name in self.all.arrays else found
 
     def of(self, world: int) -> Any:
-        """That of one world."""
+        """Sample of one world."""
         if self._each is None and self.all.count > 1:
             return self.all.of(world)
         return self.each[world]
@@ -274,7 +274,7 @@ class KeepsRows:
         return {name.lstrip("_"): getattr(self, name)[world].copy() for name in self.kept}
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         for name in self.kept:
             getattr(self, name)[world] = state[name.lstrip("_")]
 
@@ -310,9 +310,10 @@ class InWorlds(ABC):
     @classmethod
     @abstractmethod
     def together(cls, parts: Sequence[Any]) -> Together | None:
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
 
     alone: Together | None = None  # the batch of one, once it is reset
+    gains: ClassVar[bool] = True  # whether a step of many worlds costs less than one of each
 
     def reset(self, stream: Stream) -> Outputs:
         """The state at t = 0."""
@@ -334,7 +335,7 @@ class InWorlds(ABC):
         return self._begun().save(0)
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._begun().load(0, state)
 
     def _begun(self) -> Together:

@@ -159,7 +159,7 @@ def _convex(kind: str, centre: Array, axes: Array, half: Array) -> Convex:
 
 
 def _distance(a: _Piece, b: _Piece, limit: float) -> tuple[float, Vector]:
-    """As `convex.distance`, of meshes too."""
+    """Distance as of `convex.distance`, also of meshes."""
     if isinstance(a.shape, SolidMesh):
         return _distance_of_mesh(a, a.shape, b, limit)
     if isinstance(b.shape, SolidMesh):

@@ -160,7 +160,7 @@ class Organs(tuple[Any, ...]):
         return found
 
     def replaced(self, new: Any) -> "Organs":
-        """The same with other facts of one kind."""
+        """A copy with other facts of one kind."""
         return Organs(new if isinstance(organ, type(new)) else organ for organ in self)
 
 

@@ -210,7 +210,7 @@ class Field:
         return count * self.maker.cell**2
 
     def standing_areas(self, triangles: Array) -> Array:
-        """Of several, (n, 3, 2), (n,)."""
+        """Areas of standing crop in several triangles, (n, 3, 2), (n,)."""
         if self.profile is None:
             return np.array([self.standing_area(own) for own in triangles])
         sides = triangles[:, 1:] - triangles[:, :1]
@@ -491,7 +491,7 @@ def _check_place(x: float, y: float) -> None:
 
 
 def _check_near_origin(points: Sequence[Corner]) -> None:
-    """That finite places are not too far."""
+    """Check that finite places are not too far."""
     for x, y in points:
         if not (-FAR <= x <= FAR and -FAR <= y <= FAR):
             raise _too_far()

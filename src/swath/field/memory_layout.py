@@ -179,7 +179,7 @@ class PlantLibrary:
 
     @property
     def own_reflectance(self) -> NDArray[np.float32]:
-        """Of primitives that have their own, else empty."""
+        """Reflectances of primitives that have their own, else empty."""
         return self.primitives().own_reflectance
 
     @property

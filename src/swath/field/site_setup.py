@@ -174,7 +174,7 @@ class Bodies:
         self._speeds[name] = velocity
 
     def follow(self, name: str, state: Callable[[], MachineState]) -> None:
-        """Move a machine to where it now is. state: tells that, until it is moved again."""
+        """Move a machine to where it now is. state: gives that, until it is moved again."""
         if name not in self._solids:
             self._refuse(name)
         self._told[name] = state
@@ -272,7 +272,7 @@ class Bodies:
         return [pairs[key] for key in sorted(pairs)]
 
     def reset(self) -> None:
-        """All of them where they were added."""
+        """Put all bodies where they were added."""
         self._told.clear()
         self._places = {name: self._starts[name] for name in self._places}
         self._speeds = dict.fromkeys(self._places, STILL)

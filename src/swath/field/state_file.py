@@ -24,7 +24,7 @@ KEY = "field.state_file"
 CODES_BYTES, STRAW_BYTES = PAGE_CUT_CELLS**2, 8 * PAGE_NODES**2
 NOTHING, PACKED = -1, -2  # in the place of a code of a whole page
 RATIO = 2000  # codes of cut cells are runs of one value
-NAMED = 3  # differing keys that are told
+NAMED = 3  # differing keys that are reported
 
 
 def write_state(path: Path, state: Mapping[str, Any], about: Mapping[str, Any]) -> None:

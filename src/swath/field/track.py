@@ -33,7 +33,7 @@ class Way:
 
     @property
     def length(self) -> float:
-        """From the first point to the last [m]."""
+        """Distance from the first point to the last [m]."""
         return float(self.at[-1])
 
     def after(self, seconds: float) -> tuple[float, float, float, float]:

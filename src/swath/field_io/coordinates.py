@@ -28,7 +28,7 @@ DDMM = "ddmm"  # degrees and minutes as NMEA 0183 writes them: 5215.1234 is 52 d
 FARTHEST_M = 20e3  # from the median position: no field is that large
 MIRRORED = ("deg W", "deg S")
 BEYOND_DEG = 6.0  # where a system is still used beside its own area: the next zone
-NOWHERE = 0.1, 0.5  # share of the positions that are on no place of the earth: told, something else
+NOWHERE = 0.1, 0.5  # share of the positions that are on no place of the earth: noted, something else
 _ANGLE = re.compile(
     r"([NSEW]?)\s*([+-]?\d+(?:\.\d+)?)(?:[\s°d:]+(\d+(?:\.\d+)?))?(?:[\s'’′m:]+(\d+(?:\.\d+)?))?"
     r"[\s\"”″'’′°]*([NSEW]?)",

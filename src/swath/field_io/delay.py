@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 from swath.core.witness import Estimate, agreed
 from swath.field_io.log import Log
 
@@ -99,10 +99,8 @@ def neighbour_pairs(log: Log) -> tuple[Indices, Indices, NDArray[np.bool_]]:
     """Indices of records that lie side by side on neighbouring passes, each pair once, and whether their
     directions are opposite; of passes in one direction only those of two machines.
     """
-    try:
+    with Extra("geo", "cleaning a yield log"):
         from scipy.spatial import cKDTree
-    except ImportError as error:
-        raise MissingExtra("geo", "cleaning a yield log") from error
     none = np.zeros(0, dtype=np.int64)
     nothing = none, none, none.astype(bool)
     width = float(np.median(log.width[log.width > 0.0])) if (log.width > 0.0).any() else 0.0
@@ -379,7 +377,7 @@ def _middle(values: Array) -> Estimate:
 
 
 def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
-    """Of one machine, in the order of time."""
+    """Parts of one machine's log in the order of time."""
     usual = _usual(flow)
     is_up = flow > 0.5 * usual
     edges = np.flatnonzero(np.diff(is_up)) + 1

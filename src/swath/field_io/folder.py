@@ -88,7 +88,7 @@ class FieldFolder:
     info: dict[str, Any]
 
     def _repr_html_(self) -> str:
-        """Of a notebook: the overview."""
+        """Overview of the field for a notebook."""
         file = self.path / PICTURE
         data = base64.b64encode(read_bytes(file, "field", "a picture")).decode() if file.is_file() else ""
         return f'<b>{html.escape(self.path.name)}</b><br/><img src="data:image/png;base64,{data}"/>'

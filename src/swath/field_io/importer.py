@@ -40,11 +40,11 @@ from swath.terminal.progress import steps
 
 Array = NDArray[np.float64]
 MARGIN_M = 40.0  # of terrain around the field, for turning
-CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: told, refused
-BALANCE = 0.25, 1.5  # of more logged than mapped grain: told, refused; of less: told
+CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: noted, refused
+BALANCE = 0.25, 1.5  # of more logged than mapped grain: noted, refused; of less: noted
 WIDER = 0.03  # of passes farther apart than the header is wide: no crop is left standing between them
 MACHINES, FEWEST_BESIDE = 0.1, 200  # yields of two machines side by side; records that say something
-# of a log without a record left (told, refused), estimated: shares of its records on the spot of the one
+# of a log without a record left (noted, refused), estimated: shares of its records on the spot of the one
 # before, and without flow, without width or behind a pause; by how much the faster of two speeds is faster
 FEW_MOVE, IDLE, OTHER_SPEED = (0.5, 0.5), (0.9, 0.9), (0.5, 0.5)
 # at harvest, estimated: moisture of the grain, and t/ha of a field, a good year included

@@ -33,7 +33,7 @@ from swath.field_io.taskfiles import TaskFiles, hex_number, is_log_file, read_tr
 
 Array = NDArray[np.float64]
 FEW_VALUES, VALUES_PER_BYTE = 20_000_000, 32  # held of any task data; more per byte, up to MOST_VALUES
-MOST_PROBLEMS = 100  # that are told of one set of task data
+MOST_PROBLEMS = 100  # that are reported of one set of task data
 WIDTH, WORK_STATE = "working_width_m", 141  # a column; a DDI
 AT_WORK, NOT_INSTALLED = 1, 3  # condensed states of a section
 EPOCH = np.datetime64("1980-01-01T00:00:00.000", "ms")

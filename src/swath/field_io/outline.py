@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra, some_of
+from swath.core.errors import Extra, InputError, some_of
 from swath.documents.geojson import read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
@@ -282,7 +282,7 @@ def rings(polygon: Any) -> tuple[Array, tuple[Array, ...]]:
 
 
 def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
-    """Which points, shape (n, 2), lie in the polygon."""
+    """Whether points, shape (n, 2), lie in the polygon."""
     shapely = _shapely()
     shapely.prepare(polygon)
     return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]))
@@ -406,10 +406,8 @@ def largest(shape: Any, path: Path | None = None) -> Any:
 
 
 def _shapely() -> Any:
-    try:
+    with Extra("geo", "field outlines"):
         import shapely
         import shapely.geometry
         import shapely.geometry.polygon
-    except ImportError as error:
-        raise MissingExtra("geo", "field outlines") from error
     return shapely

@@ -95,7 +95,7 @@ class Cells:
         return (cell for block in self._blocks for cell in block.to_pylist())
 
     def numbers(self) -> Array:
-        """As numbers, nan where a cell is none."""
+        """A column as numbers, nan where a cell is none."""
         return np.concatenate([_floats(block) for block in self._blocks] or [np.zeros(0)])
 
 
@@ -166,7 +166,7 @@ def _head(path: Path) -> bytes:
 
 
 def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
-    """Read it row by row; start: of the file, which tells what it is."""
+    """Read it row by row; start: of the file, which shows what it is."""
     is_wide = start.startswith(UTF_16)
     if b"\x00" in start and not is_wide:
         raise InputError("log", None, f"{_EXPECTED}, this is binary", file=path)

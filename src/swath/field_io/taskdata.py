@@ -369,7 +369,7 @@ def drawn(pattern: Pattern) -> Array:
 
 
 def pivot_radius(pattern: Pattern) -> float:
-    """Of its own circle [m]."""
+    """Radius of its own circle [m]."""
     centre = dict(zip(pattern.types, pattern.points, strict=True)).get(POINT_CENTRE, pattern.points[0])
     return _course(centre, drawn(pattern)[0])[1]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.witness import Pair, judge, outside
 from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
@@ -77,7 +77,7 @@ class Thresholds:
     units; most_turns: from one to the other, in the order of the rows
     even_moisture: 10th to 90th percentile over the median; 0.1 to 0.2 in the logs above, the
     flow 0.7
-    as_flow: the same of the moisture over that of the flow; told, refused
+    as_flow: the same of the moisture over that of the flow; noted, refused
     american [deg]: west, east, south, north of where acres are usual
     """
 
@@ -165,10 +165,8 @@ def drive_of(
 
 def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> float:
     """Median distance from a cutting record to the nearest parallel pass of its season on each side [m]."""
-    try:
+    with Extra("geo", "reading a yield log"):
         from scipy.spatial import cKDTree
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a yield log") from error
     both = cutting[drive.here] & cutting[drive.after]
     if both.sum() < AT.fewest:
         return np.nan

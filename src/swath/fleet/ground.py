@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.fleet.files import SQUARE, JobFile
 from swath.fleet.machines import Body, Place
 from swath.fleet.outlines import outlines_of
@@ -44,10 +44,8 @@ PARAMS = Params()
 
 def shapely_here() -> Any:
     """The module shapely, of the extra `geo`."""
-    try:
+    with Extra("geo", "plans of fields"):
         import shapely
-    except ImportError:
-        raise MissingExtra("geo", "plans of fields") from None
     return shapely
 
 
@@ -115,7 +113,7 @@ class Ground:
 
     @property
     def truck_m(self) -> float:
-        """From the field to the truck [m]."""
+        """Distance from the field to the truck [m]."""
         return math.dist(self.gate, self.dock[:2])
 
     def _check_ways(self, shapely: Any, parts: tuple[Any, ...], job: JobFile) -> None:

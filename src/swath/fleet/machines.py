@@ -116,7 +116,7 @@ class Body:
 
     @property
     def half_width(self) -> float:
-        """Of the widest rectangle [m]."""
+        """Half the width of the widest rectangle [m]."""
         return max(max(r.left, -r.right) for r in (*self.own, *self.towed))
 
     @property
@@ -270,7 +270,7 @@ class Machines:
 
     @property
     def by_name(self) -> dict[str, Combine | Cart]:
-        """All that move, in the order of the file."""
+        """All machines that move, in the order of the file."""
         named: dict[str, Combine | Cart] = {m.name: m for m in self.combines}
         named |= {k.name: k for k in self.carts}
         return {name: named[name] for name in self.listed if name in named}

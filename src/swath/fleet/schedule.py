@@ -121,13 +121,13 @@ class CartState:
 
     @property
     def starts(self) -> list[Start]:
-        """Where it may set out from, the earliest first."""
+        """Places from which it may set out, the earliest first."""
         home = Start(self.home, self.time)
         return [home] if self.loaded is None else [self.loaded, home]
 
     @property
     def room(self) -> float:
-        """That is left in its box [kg]."""
+        """Room that is left in its box [kg]."""
         return self.spec.load - self.load
 
     @property
@@ -463,7 +463,7 @@ class Scheduler:
         raise InputError("fleet.dispatcher", str(chosen), "expected one of the options of the state")
 
     def state(self, c: CombineState, options: tuple[Option, ...]) -> State:
-        """What a dispatcher is told."""
+        """What a dispatcher knows."""
         carts = {k.spec.name: (k.starts[0].time, k.room) for k in self.carts}
         others = {
             o.spec.name: Ahead(o.time, o.tank, o.spec.tank, self.fills(o))
@@ -690,7 +690,7 @@ class Scheduler:
         return find(goal, in_line=line)
 
     def names(self) -> list[str]:
-        """Of all machines that move."""
+        """Names of all machines that move."""
         return [c.spec.name for c in self.combines] + [k.spec.name for k in self.carts]
 
     def last_of(self, name: str) -> Any:

@@ -92,12 +92,12 @@ class Track:
 
     @property
     def start(self) -> Place:
-        """Where it begins."""
+        """Place where the path begins."""
         return Place(*self.places[0].tolist())
 
     @property
     def end(self) -> Place:
-        """Where it ends."""
+        """Place where the path ends."""
         return Place(*self.places[-1].tolist())
 
 

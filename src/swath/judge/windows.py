@@ -84,15 +84,15 @@ class EventFeed:
         self._seen = [0] * len(self._sources)
 
     def save(self) -> Any:
-        """What has been told so far."""
+        """What has been reported so far."""
         return [list(waiting) for waiting in self._open], list(self._seen)
 
     def load(self, state: Any) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._open, self._seen = [list(waiting) for waiting in state[0]], list(state[1])
 
     def fresh(self) -> list[Event]:
-        """Those since the last call, in order of time."""
+        """Events since the last call, in order of time."""
         found: list[Event] = []
         for k, source in enumerate(self._sources):
             events = source.events()
@@ -142,7 +142,7 @@ class WindowedEvaluator:
         }
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self.stretches = []
         for saved, event, count in state["stretches"]:
             self.stretches.append(_Stretch(self._make(), event, count))

@@ -44,7 +44,7 @@ class Towed(KeepsState):
 
     @property
     def mass(self) -> float:
-        """With its load [kg]."""
+        """Mass with its load [kg]."""
         return self.sheet.empty + self.grain
 
     @property

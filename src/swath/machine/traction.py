@@ -117,7 +117,7 @@ def traction_of(machine: MachineGeometry, dynamics: Dynamics | None = None, towe
 
 
 def across_of(machine: MachineGeometry) -> Traction:
-    """Of all wheels against a side slope."""
+    """Traction of all wheels against a side slope."""
     d = dynamics_of(machine)
     return Traction(d.stiffness, d.friction, d.front.relaxation, inf, 1.0, 0.0)
 

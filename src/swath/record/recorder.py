@@ -99,7 +99,7 @@ class Recorder:
 
     @cached_property
     def tracks(self) -> dict[str, Tracks]:
-        """Of each machine."""
+        """Tracks of each machine."""
         return {m.name: Tracks(m, PERIOD, tuple(self._more.get(m.name, ()))) for m in self._machines}
 
     @property

@@ -79,7 +79,7 @@ def _under(solids: Solids, x: F64, y: F64) -> Mask:
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:
-    """Of `#RRGGBB`."""
+    """Numbers of a colour `#RRGGBB`."""
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return red, green, blue
 

@@ -288,7 +288,7 @@ def outside_of(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def why_outside(told: Mapping[str, Any]) -> str:
-    """Of a slot in `outside_of`, in words."""
+    """Reason why a slot of `outside_of` is outside, in words."""
     what = [f"{q['quantity']} {span(q['met'])}, checked {span(q['checked'])}" for q in told["quantities"]]
     return f"outside the range in which level {told['level']} was checked: {'; '.join(what)}"
 

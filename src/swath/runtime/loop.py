@@ -135,6 +135,6 @@ def has_arrived(world: World) -> bool:
 
 
 def _arrival(worlds: Sequence[World]) -> Goal:
-    """That a machine has driven the scenario's distance."""
+    """Condition that a machine has driven the scenario's distance."""
     wires = tuple((slot, "state") for slot in worlds[0].driving)
     return Goal(wires, "distance", np.array([world.scenario.run.distance_m for world in worlds]))

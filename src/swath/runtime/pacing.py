@@ -198,7 +198,7 @@ class Pacer:
 
     @property
     def notes(self) -> list[str]:
-        """The same for people, in a few lines."""
+        """The same in a few lines for people."""
         found = [f"real time: latest tick {self.max_late / MS:.1f} ms"]
         if self.overruns:
             by_slot = ", ".join(f"{slot} {count}" for slot, count in self.overruns.most_common())

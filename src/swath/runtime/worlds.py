@@ -105,7 +105,8 @@ def gains_in_step(scenario: Scenario) -> bool:
     every = [choice for machine in scenario.machines.values() for choice in machine.slots.values()]
     if scenario.is_paced or any(choice.found.is_link for choice in every):
         return False
-    return all(takes_all(choice.found.component, "step") for choice in every if choice.kind.name in LOOK)
+    looking = [choice.found.component for choice in every if choice.kind.name in LOOK]
+    return all(takes_all(kind, "step") and getattr(kind, "gains", True) for kind in looking)
 
 
 def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:
@@ -143,7 +144,7 @@ def run_each(
     """Do runs, several of them in step; gives number, what it comes to, and CPU seconds of each, as it ends.
 
     make: scenario and hooks of one; alone: does one by itself and gives its summary. So is each done that
-    comes to an error in step: what is told of it is what that run says.
+    comes to an error in step: what is reported of it is what that run says.
     """
     left, blame = dict(enumerate(jobs)), None
     with collected_rarely():

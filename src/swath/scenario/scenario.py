@@ -58,12 +58,12 @@ class Scenario:
 
     @property
     def file(self) -> Path | None:
-        """Where it was read from."""
+        """File that it was read from."""
         return self.document.file
 
     @property
     def field_seed(self) -> int:
-        """That of terrain and stand."""
+        """Seed of terrain and stand."""
         own = self.field.common.seed
         return self.seed if own is None else own
 

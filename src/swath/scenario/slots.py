@@ -63,7 +63,7 @@ class SlotKind:
     packages: where its levels lie; level: the default one; rate_hz: the default rate
     outputs: ports that every level of it has; more: that some levels have
     wires: input port -> (slot kind, output port) of the same machine
-    is_control: told the geometry of the machine, never the truth
+    is_control: knows the geometry of the machine, never the truth
     is_plural: a machine may have several of it, each named `kind_something`
     is_exchangeable: its level may change while a run goes on, it keeps nothing of motion and masses
     link_adapter: `module:Class` that completes a part from elsewhere (FMU, ROS 2 node, log) in this slot

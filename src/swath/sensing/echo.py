@@ -55,7 +55,7 @@ class Weather:
 
     @property
     def extinction(self) -> float:
-        """Of dust and rain together [1/m]."""
+        """Extinction of dust and rain together [1/m]."""
         return self.extinction_per_m + 0.01 * float(self.rain_mm_h**0.6)
 
     @property

@@ -240,7 +240,7 @@ class BlockTrack(KeepsState):
 
     @property
     def _middle(self) -> float:
-        """Of the block's rays, along the track [m]."""
+        """Middle of the block's rays along the track [m]."""
         return self._block.along if isfinite(self._block.along) else self._block.travel
 
     def _accept(self, found: Found, along: float, heading: float, wall: Wall) -> None:

@@ -78,7 +78,7 @@ class Ground(Clears):
     WORTH, FIRST_WORTH = (6.0, 60.0), (2.0, 20.0)  # echoes, and their m2, that the plane before is worth
 
     def clear(self) -> None:
-        """Level with the machine."""
+        """Take the ground as level with the machine."""
         self.level, self.slope, self.is_known = 0.0, 0.0, False
 
     def take(self, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
@@ -138,7 +138,7 @@ class CanopyRays(KeepsState):
         self._before: F64 = np.zeros(0)  # ranges in the last scan of the beams that fall [m], nan = no echo
 
     def clear(self) -> None:
-        """All beams count."""
+        """Let all beams count again."""
         self.silent.clear()
         self._beams = ()
         self._before[:] = np.nan
@@ -154,7 +154,7 @@ class CanopyRays(KeepsState):
         self._before[: len(seen)] = seen
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         super().load(state)
         self._beams = ()
 

@@ -48,14 +48,14 @@ AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reporte
 
 @dataclass(frozen=True)
 class Params:
-    """Of the likelihood-ratio detector.
+    """The likelihood-ratio detector.
 
     search_m: standard deviation of where the edge is expected beside the header end, at the start
     hold_m: distance beyond the last place seen for which the edge is held
     reference_m: where ahead of the knife the edge is reported
     crab: side slip per side slope, or per lateral acceleration in g [1]
     upright_m: height of the crop where it stands upright, as the driver sees it; 0 = usual for the crop that
-        he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot tell:
+        he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot see:
         the edge is not sure there
     slip_percent: how much faster the wheels turn than the ground passes, 2 to 6 % on stubble (uncited)
     closed_m: standard deviation in closed stands of the error that a whole run has alike and no fit shows:

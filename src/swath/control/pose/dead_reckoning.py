@@ -86,7 +86,7 @@ def seen_from(a: Step, b: Step) -> tuple[float, float, float]:
 
 
 def _gone_on(step: Step, t: int) -> Step:
-    """The same arc until t [ns]."""
+    """Go on along the same arc until t [ns]."""
     seconds = max(t - step.t, 0) / NS
     turn = step.yaw_rate * seconds
     middle, travel = step.heading + 0.5 * turn, step.speed * seconds

@@ -70,7 +70,7 @@ class EdgeGuards(Compiled):
         return {"driven": self._driven.save(world), "reason": self.reasons.get(world, "")}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._driven.load(world, state["driven"])
         self.reasons.pop(world, None)
         if state["reason"]:
@@ -118,5 +118,5 @@ class EdgeGuard:
         return self._own.save(0)
 
     def load(self, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._own.load(0, state)

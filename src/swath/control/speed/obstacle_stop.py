@@ -73,7 +73,7 @@ class ObstacleStop(KeepsState):
         return min(other, 0.0 if self._hold > 0.0 else bound)
 
     def _bound(self, objects: Objects, k: int, speed: float) -> float:
-        """Of one object."""
+        """Greatest speed because of one object."""
         p = self._p
         x, y, vx, vy = (float(a[k]) for a in (objects.x, objects.y, objects.velocity_x, objects.velocity_y))
         reach = 0.5 * max(float(objects.length[k]), float(objects.width[k]))

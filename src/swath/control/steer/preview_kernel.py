@@ -83,7 +83,7 @@ class State:
 
 @wp.struct
 class Place:
-    """As `plant_model.Place`."""
+    """The numbers of `plant_model.Place`."""
 
     x: wp.float64
     y: wp.float64
@@ -92,7 +92,7 @@ class Place:
 
 @wp.struct
 class Edge:
-    """Of `CropEdge`, reference_x and offset_sd as reference and sd."""
+    """The numbers of a `CropEdge`, reference_x and offset_sd as reference and sd."""
 
     offset: wp.float64
     heading: wp.float64

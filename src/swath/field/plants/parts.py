@@ -199,7 +199,7 @@ def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generato
 
 
 def assemble(height: Array, grain: Array, straw: Array, parts: list[Part]) -> Plants:
-    """All parts, those of one stem together."""
+    """Join all parts; those of one stem stand together."""
     sizes = [part.radius.size for part in parts]
     owner = np.concatenate([part.owner.ravel() for part in parts])
     order = np.argsort(owner, kind="stable")

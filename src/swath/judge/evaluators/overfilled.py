@@ -80,7 +80,7 @@ class Overfilled(Later):
         self._load = times[-1], gain[-1]
 
     def metrics(self) -> dict[str, float]:
-        """Of a machine with a tank."""
+        """Metrics of a machine with a tank."""
         return {} if self._load is None else {"tank_spilled_kg": self._spilled}
 
     def events(self) -> Sequence[Event]:

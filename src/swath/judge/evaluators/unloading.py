@@ -157,7 +157,7 @@ class Unloading(Later):
         return found
 
     def series(self) -> UnloadingSeries:
-        """For a report."""
+        """Series for a report."""
         heaps = {}
         missed = fsum(s.missed for s in self._latest.values() if isinstance(s, UnloadState))
         for name, rows in self._rows.items():

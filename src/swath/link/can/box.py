@@ -92,7 +92,7 @@ class ControllerBox:
         return {"own": {name: vars(self)[name] for name in STATE}, "law": self._law.save()}
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         vars(self).update(state["own"])
         self._law.load(state["law"])
 

@@ -1,4 +1,4 @@
-"""The machine's side of ISO 11783 guidance: when a command is obeyed, and what the machine tells."""
+"""The machine's side of ISO 11783 guidance: when a command is obeyed, and what the machine sends."""
 
 from dataclasses import dataclass, field
 from math import atan, isfinite, tan
@@ -111,7 +111,7 @@ def edge_values(edge: CropEdge | None, t: int, cycle: int) -> tuple[Values, Valu
 
 
 def edge_of(line: Values, quality: Values, t: int) -> CropEdge:
-    """The crop edge that the two messages tell, at the controller's time t [ns]."""
+    """The crop edge that the two messages carry, at the controller's time t [ns]."""
     sent = {signal: value for signal, value in {**line, **quality}.items() if value is not None}
     known = {"EdgeConfidence": 0.0, **sent}
     fields: dict[str, Any] = {

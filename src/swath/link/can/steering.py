@@ -84,7 +84,7 @@ class Params:
 
     @property
     def period(self) -> int:
-        """Of a cycle [ns]."""
+        """Length of a cycle [ns]."""
         return round(self.cycle_ms * 1e6)
 
     def make_law(self, control: ControlSetup, base: Path | None) -> Any:
@@ -165,7 +165,7 @@ class CanSteering:
         return {"guidance": replace(self._guidance), "own": own, "box": box}
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._guidance = replace(state["guidance"])
         self._cycle, self._distance, self._peer = state["own"]
         if self._box is not None:

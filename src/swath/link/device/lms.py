@@ -34,7 +34,7 @@ WRAP = 1 << 32
 class Telegram:
     """A scan as it was sent. begun, sent: the sensor's clock [us], which wraps; counter: of scans, wraps.
 
-    ranges, intensity: (beam_count, echo_count), nan = no echo, or not told; start, step [rad], 0 is ahead
+    ranges, intensity: (beam_count, echo_count), nan = no echo, or not reported; start, step [rad], 0 is ahead
     frequency [Hz]
     """
 

@@ -36,7 +36,7 @@ PACKET = np.dtype([("blocks", BLOCK, (BLOCKS,)), ("time", "<u4"), ("mode", "u1")
 class Grid:
     """How the beams of a scan lie: order: of beams, (firing_count, LINES), in the order of the packets, whose
     azimuth grows; azimuth: of the first lines, clockwise [1/100 deg]; beam_t: of them [s]; every: firings of
-    the sensor from one of the scan to the next, those between are told without returns.
+    the sensor from one of the scan to the next, those between are reported without returns.
     """
 
     order: np.ndarray
@@ -103,7 +103,7 @@ def packets(scan: Scan, grid: Grid) -> list[bytes]:
 
 @dataclass
 class Firings:
-    """What a packet tells. time: past the hour [us]; azimuth: (24,) clockwise [1/100 deg] of the firings.
+    """What a packet says. time: past the hour [us]; azimuth: (24,) clockwise [1/100 deg] of the firings.
 
     ranges: (24, LINES) [m], nan = no return; intensity: relative to a white target
     """

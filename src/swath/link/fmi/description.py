@@ -19,7 +19,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.temporary import TemporaryFolder
 from swath.core.whole_file import write_whole
 from swath.documents.packed import open_archive
@@ -238,10 +238,8 @@ class Clock:
 
 def read_fmu(file: Path, key: str = "file") -> Description:
     """Read an FMU without unpacking it. InputError names what makes it unusable, `faults` what does not."""
-    try:
+    with Extra("fmi", "an FMU"):
         import fmpy
-    except ImportError as error:
-        raise MissingExtra("fmi", "an FMU") from error
     with open_archive(file, key, what="an FMU, a zip archive") as archive:
         names = archive.namelist()
     if "modelDescription.xml" not in names:

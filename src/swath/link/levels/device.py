@@ -171,7 +171,7 @@ class Lms(Device):
 
     @property
     def port(self) -> int:
-        """That it listens to."""
+        """Port that it listens to."""
         assert self._server is not None
         return self._server.port
 
@@ -289,7 +289,7 @@ class Nmea(Device):
 
     @property
     def port(self) -> int:
-        """That it listens to."""
+        """Port that it listens to."""
         return int(self._wire.port)
 
     def _send(self, sample: Any, t: int) -> int:

@@ -92,7 +92,7 @@ class Feed:
         return {"numbers": list(self._numbers), "held": dict(self.held)}
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Back to them."""
+        """Take on states that `save` gave."""
         self._numbers, self.held = list(state["numbers"]), Counter(state["held"])
 
     def _take(self, into: Into, place: slice, value: Any) -> None:
@@ -159,7 +159,7 @@ class FmuPart:
         """What the user should know about the run."""
         silent = [f"nothing comes from {port}, its slot is off or silent" for port in self._feed.silent]
         held = [
-            f"{name} was nan in {count} steps: the FMU got the value before; {name}{KNOWN} would tell it"
+            f"{name} was nan in {count} steps: the FMU got the value before; {name}{KNOWN} would say so"
             for name, count in self._feed.held.items()
             if not self._is_told(name)
         ]
@@ -196,7 +196,7 @@ class FmuPart:
             return {"fmu": self._unit.save(), "feed": self._feed.save()}
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._feed.load(state["feed"])
         with self._named():
             self._unit.load(state["fmu"])

@@ -51,7 +51,7 @@ TURN_S, LEAST_TURN = (
     2.0,
     10.0 * DEG,
 )  # windows in which turns are compared [s], and of them all, at least [rad]
-TURNS_ALIKE = 0.1, 0.5  # share by which turns may differ: told, refused
+TURNS_ALIKE = 0.1, 0.5  # share by which turns may differ: noted, refused
 TURNS_SEEN = 0.9  # correlation of turns that are the same, in another unit
 FASTEST_TURN = 1.5  # of a machine at work [rad/s]
 UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/explanation/sensors.md)
@@ -377,7 +377,7 @@ def to_local(params: Params, base: Path) -> ToLocal | None:
     return None if o is None else TangentPlane(o.lon_deg, o.lat_deg, o.height_m)
 
 
-MOUNTED = (Scan, RadarTargets, Image, Fix, Inertial)  # samples of sensors whose place control is told
+MOUNTED = (Scan, RadarTargets, Image, Fix, Inertial)  # samples of sensors whose place control knows
 FRAMED = (*MOUNTED, MachineState, Odometry)  # of these a frame says of which sensor, or machine, they are
 CHECKED = 3000  # samples of a signal that say in which frame it is
 LATE_S = 1.0  # the first sample may come this much after the start [s]

@@ -118,7 +118,7 @@ class Writer:
 
     @property
     def version(self) -> tuple[int, int, int]:
-        """Of the interface."""
+        """Version of the interface."""
         v = self._version
         return v.version_major, v.version_minor, v.version_patch
 

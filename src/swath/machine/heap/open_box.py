@@ -186,7 +186,7 @@ class Heap(KeepsState):
 
     @property
     def grain(self) -> float:
-        """In the box [kg]."""
+        """Grain in the box [kg]."""
         return self.start * self.density + self._caught.value
 
     @property
@@ -212,7 +212,7 @@ class Heap(KeepsState):
         return self.box.floor + self._surface.at(x, y)
 
     def reset(self, stream: Stream) -> Outputs:
-        """As full as at the start."""
+        """Fill the box as at the start."""
         self._clear()
         return {"heap": self._state(0)}
 

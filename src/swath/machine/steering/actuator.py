@@ -65,7 +65,7 @@ class Actuator(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Actuator"]) -> "Actuators":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Actuators(parts)
 
 
@@ -125,7 +125,7 @@ class Actuators(Compiled):
         }
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._wheels.load(world, state["wheel"])
         places = (int(self._wheels.of["first"][world]) + np.arange(len(state["queue"][0]))) % ROOM
         for array, own in zip((self._arrivals, self._curvatures, self._engaged), state["queue"], strict=True):

@@ -8,7 +8,7 @@ from swath.core.schedule import NS
 LATE, EARLY = 2 * NS, NS  # a stamp this far before, or after, it was received is of another clock
 STEP = NS // 8  # a clock that differs by more is set, by less it is slowed down: ntpd steps from 0.128 s
 SCALES = {"TAI": 37, "GPS time": 18}  # seconds ahead of UTC, since 2017
-PACE = 0.5, 2.0  # of a clock over the log's: where messages were written at another, neither tells of steps
+PACE = 0.5, 2.0  # of a clock over the log's: where messages were written at another, neither shows steps
 
 
 @dataclass
@@ -53,7 +53,7 @@ class Clocks:
     _of: dict[str, _Clock] = field(default_factory=dict)
 
     def again(self) -> "Clocks":
-        """For another pass through the recording."""
+        """Begin another pass through the recording."""
         return Clocks([*self.zeros])
 
     def time(self, of: str, stamp: int, t: int, note: Callable[[str], None]) -> int:

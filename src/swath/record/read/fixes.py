@@ -70,7 +70,7 @@ def field_plane(folder: Path) -> ToLocal:
 
 
 def _earth_centred(points: F64) -> F64:
-    """From Earth's centre [m], (n, 3)."""
+    """Places from Earth's centre [m], (n, 3)."""
     lon, lat = np.radians(points[:, 0]), np.radians(points[:, 1])
     squared = FLATTENING * (2.0 - FLATTENING)
     across = AXIS / np.sqrt(1.0 - squared * np.sin(lat) ** 2)

@@ -105,7 +105,9 @@ def point_times(table: NDArray[np.void], stamp: int, note: Callable[[str], None]
             if _is_sweep(late) and np.abs(late).max() <= STAMP_NEAR_S:
                 if (unit, is_relative) != usual:
                     begin = "after the stamp" if is_relative else "of the clock"
-                    note(f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be told")
+                    note(
+                        f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be reported"
+                    )
                 return late
     for name, unit in product([n for n in names if n not in (*POINT_TIMES, *"xyz", *BRIGHTNESS)], UNITS):
         late = _late(table[name], stamp, unit, False)

@@ -88,7 +88,7 @@ class DepthCamera(SceneCamera):
         return (product / np.where(is_known, disparity, np.nan)).astype(np.float32)
 
     def _is_seen_twice(self, seen: Sight, pose: Pose, t: int) -> NDArray[np.bool_]:
-        """Which pixels' points the second camera sees, (height, width)."""
+        """Whether the second camera sees the points of pixels, (height, width)."""
         other = pose.apply(np.array([self._p.base_m, 0.0, 0.0]))
         found = seen.hits.is_hit
         distance = np.nan_to_num(seen.hits.distance.astype(np.float64))

@@ -75,13 +75,13 @@ class Instances:
 
     @property
     def moving(self) -> list[tuple[Solids, F64]]:
-        """Those that go."""
+        """Instances that move."""
         both = zip(self.each, self.velocities, strict=True)
         return [(solids, velocity) for solids, velocity in both if velocity.any()]
 
     @property
     def standing(self) -> Solids:
-        """Those that stand."""
+        """Instances that stand."""
         both = zip(self.each, self.velocities, strict=True)
         return merge(*(solids for solids, velocity in both if not velocity.any()))
 

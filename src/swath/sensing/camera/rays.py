@@ -116,7 +116,7 @@ def boxes_of(
 
 
 def no_boxes(t: int) -> ImageBoxes:
-    """Of a picture without things."""
+    """Boxes of a picture without objects."""
     nothing = np.zeros(0)
     return ImageBoxes(t, nothing, np.zeros(0, np.uint8), *[nothing] * 6)
 

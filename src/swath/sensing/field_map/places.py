@@ -120,7 +120,7 @@ class LocatedMap(KeepsState, ABC):
 
 @lru_cache(maxsize=4)
 def _grain_mass(crop: str) -> float:
-    """Of a mean stem of a crop [kg]."""
+    """Grain of a mean stem of a crop [kg]."""
     yields = load_crop(crop).yields
     return 0.0 if yields is None else yields.grain_mass
 

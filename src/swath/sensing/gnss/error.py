@@ -82,7 +82,7 @@ class Params:
                 )
 
     def figures(self) -> Figures:
-        """Those of the receiver, with what was given here."""
+        """Figures of the receiver, with what was given here."""
         given: dict[str, Any] = {
             "noise": None if self.noise_cm is None else self.noise_cm * CM,
             "wander": None if self.wander_cm is None else self.wander_cm * CM,

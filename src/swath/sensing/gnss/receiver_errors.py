@@ -22,7 +22,7 @@ class Figures:
 
     @property
     def sd(self) -> float:
-        """Of east and of north, all together [m]."""
+        """Standard deviation of east and of north, all errors together [m]."""
         return hypot(self.noise, self.wander)
 
     def difference(self, lag: float) -> float:

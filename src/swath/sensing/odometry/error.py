@@ -74,7 +74,7 @@ class ErrorOdometry(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["ErrorOdometry"]) -> "Odometers":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Odometers(parts)
 
 

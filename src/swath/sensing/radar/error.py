@@ -237,7 +237,7 @@ class ErrorRadar(IdealRadar):
         return found
 
     def rows(self, echoes: list[Echo], draw: np.random.Generator) -> list[list[float]]:
-        """Of the sample, those of echoes above the threshold."""
+        """Rows of the sample: echoes above the threshold."""
         if not self._is_noisy:
             return [self.row(e, e.snr, 1.0, [0.0] * 6) for e in echoes if e.snr > self.threshold]
         snr = np.array([e.snr for e in echoes])

@@ -15,7 +15,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -444,10 +444,8 @@ def _fit(
 
     span: records to run along; mask: those of them that count
     """
-    try:
+    with Extra("geo", "fitting a model"):
         from scipy.optimize import least_squares
-    except ImportError as error:
-        raise MissingExtra("geo", "fitting a model") from error
     start = np.array([sheet.number(key) for key in keys])
     if not (start > 0.0).all():
         raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")

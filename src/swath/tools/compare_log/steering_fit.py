@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -425,17 +425,15 @@ def _rms(values: Array) -> float:
 
 
 def _scipy() -> tuple[Any, Any]:
-    try:
+    with Extra("geo", "fitting a model"):
         from scipy.optimize import least_squares
         from scipy.stats import t
-    except ImportError as error:
-        raise MissingExtra("geo", "fitting a model") from error
     return least_squares, t
 
 
 @dataclass(frozen=True)
 class SteeringComparison:
-    """The result. parts: steering, motion, as far as the log tells them; sheet: with the fitted numbers."""
+    """The result. parts: steering, motion, as far as the log shows them; sheet: with the fitted numbers."""
 
     model: str
     log_name: str

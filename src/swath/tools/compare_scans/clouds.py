@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.read_file import check_readable
 from swath.field.projection import transform
 from swath.rays.height_grid import NODE_CELLS, lattice_height
@@ -149,11 +149,9 @@ def _low(frame: Frame, points: F64, height: F64, shape: tuple[int, int]) -> F64:
 
 
 def _read_las(path: Path, how: Reading) -> Cloud:
-    try:
+    with Extra("las", "reading LAS and LAZ"):
         import laspy
         import lazrs
-    except ImportError as error:
-        raise MissingExtra("las", "reading LAS and LAZ") from error
     check_readable(path, "scans", "a LAS or LAZ file")
     parts: list[tuple[Any, ...]] = []
     try:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.random import Stream
 from swath.signals import F64
 from swath.tools.compare_scans.clouds import LOWEST_M, Cloud, axis_track
@@ -73,7 +73,7 @@ class Path:
         return place + (s - inside)[:, None] * ahead, heading
 
     def place(self, points: F64) -> Place:
-        """Of world points (n, >=2)."""
+        """Places of world points (n, >=2) along and across the edge."""
         parts = [self._some(points[i : i + AT_ONCE, :2]) for i in range(0, len(points), AT_ONCE)]
         s, d = (np.concatenate(p) for p in zip(*parts, strict=True))
         return Place(s, d)
@@ -148,11 +148,9 @@ def _check_overlap(a: Cloud, b: Cloud) -> None:
 
 def _by_icp(a: Cloud, b: Cloud, notes: list[str]) -> F64:
     """Points of B moved onto those of A. InputError where what was found is not plausible."""
-    try:
+    with Extra("mesh", "--align icp"):
         import scipy.spatial  # noqa: F401  that trimesh looks neighbours up with
         from trimesh.registration import icp
-    except ImportError as error:
-        raise MissingExtra("mesh", "--align icp") from error
     middle = a.points.mean(axis=0)
     low, high = np.percentile(a.points, [0.5, 99.5], axis=0)
     inside = ((b.points >= low - 1.0) & (b.points <= high + 1.0)).all(axis=1)
@@ -181,7 +179,7 @@ def _sample(points: F64, number: int, most: int = ICP_POINTS) -> F64:
     return np.asarray(points[np.sort(rng.choice(len(points), most, replace=False))])
 
 
-# Where no source is named: chosen, so that a cell or a spread has echoes enough to be told from.
+# Where no source is named: chosen, so that a cell or a spread has echoes enough to be reported from.
 FEWEST = 30  # echoes of each cloud in a cell that is compared
 IN_BLOCK, ON_MAP = 3, 12  # echoes of each in a block of it that counts; that is drawn
 FEWEST_BLOCKS = 6  # with a cell in both, for a spread
@@ -537,7 +535,7 @@ def _cdf(counts: Any) -> F64:
 
 
 def _mean(values: ArrayLike) -> float:
-    """Of the finite ones, nan where there is none."""
+    """Mean of the finite values, nan where there is none."""
     found = np.asarray(values, dtype=float)
     found = found[np.isfinite(found)]
     return float(found.mean()) if len(found) else float("nan")

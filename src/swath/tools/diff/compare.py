@@ -26,7 +26,7 @@ from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
 from swath.terminal.tables import number
 
-ROUNDING = 1e-12  # relative; metrics nearer than that are told as equal
+ROUNDING = 1e-12  # relative; metrics nearer than that are reported as equal
 VARY = ("real_time_factor", "wall_s")  # by the clock on the wall
 
 

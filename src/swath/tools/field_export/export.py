@@ -1,4 +1,4 @@
-"""From a world to files: sizes told first, then written.
+"""From a world to files: sizes reported first, then written.
 
 `survey` is a virtual one: pulses of a scanner that flies over the field, each to what it meets first.
 """
@@ -110,8 +110,8 @@ class Wanted:
 def export(world: World, wanted: Wanted, tell: Callable[[str], None]) -> list[Path]:
     """Write the field as it stands.
 
-    Returns the files, what comes is told before. InputError for a name of another form and for what becomes
-    larger than allowed.
+    Returns the files, what comes is reported before. InputError for a name of another form and for what
+    becomes larger than allowed.
     """
     suffix, known = wanted.out.suffix.lower(), SUFFIXES[wanted.to]
     if suffix not in known:

@@ -19,9 +19,9 @@ from swath.machine.body import triangles
 from swath.report.field_plot import ground_colours
 from swath.report.plots import STRAW
 from swath.report.scan_sampler import straw_depth
-from swath.report.stand3d import COLOURS, NAMES, Organs, organs_near
 from swath.runtime.world import World
 from swath.signals import F64
+from swath.tools.scan.stand3d import COLOURS, NAMES, Organs, organs_near
 
 NODES = 257  # heights along a side of the ground: 2^8 + 1, as Gazebo wants them
 PIXELS = 1024  # of the picture of the ground along a side

@@ -181,7 +181,7 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[
 
 
 def errors_of(count: int, of: int, first: str) -> str:
-    """What is told of runs that came to an error."""
+    """What is reported of runs that came to an error."""
     return f"{count} of {of} runs came to an error, nothing is judged from them: {first}"
 
 

@@ -15,8 +15,12 @@ from swath.tools.function_test.integrity import (
 )
 from swath.tools.function_test.judged import UNCOUNTED
 
-COLOURS = (*("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800"), "var(--ink)")
-WIDTH, HEIGHT, SIDE = 250.0, 110.0, 200.0  # of a chart and of the Stanford diagram [px]
+COLOURS = (
+    *("var(--blue)", "var(--orange)", "var(--green)"),
+    *("#cc79a7", "#e69f00", "#56b4e9", "#b8a800"),
+    "var(--ink)",
+)
+WIDTH, HEIGHT, SIDE = 340.0, 150.0, 300.0  # of a chart and of the Stanford diagram [px]
 PAD = 0.06  # of a chart that is left free at its sides
 MISTAKES = 0.1  # largest share of runs on the wrong side of a boundary that is drawn
 

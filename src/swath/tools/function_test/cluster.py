@@ -16,7 +16,7 @@ from pathlib import Path
 from threading import Lock, current_thread, main_thread
 from typing import Any
 
-from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.errors import Extra, InputError, MissingExtra, SwathError
 from swath.core.foreign_code import Gate, need_named, present_gate, through
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import STRIKES
@@ -153,7 +153,7 @@ _LOCK = Lock()  # a worker may have several threads, its journal and its fields 
 
 @cache
 def _tools(folder: str) -> tuple[Journal, KeptFields]:
-    """Of this worker process."""
+    """Tools of this worker process."""
     os.environ.setdefault("SWATH_THREADS", "1")
     return Journal(Path(folder), f"worker-{socket.gethostname()}-{os.getpid()}"), KeptFields()
 
@@ -184,9 +184,8 @@ def slurm_cluster_class() -> Any:
     """The class of dask-jobqueue. Its import sets a handler of SIGINT: the one of before is put back."""
     handler = signal.getsignal(signal.SIGINT)
     try:
-        from dask_jobqueue import SLURMCluster
-    except ImportError:
-        raise MissingExtra("cluster", "--cluster slurm") from None
+        with Extra("cluster", "--cluster slurm"):
+            from dask_jobqueue import SLURMCluster
     finally:
         if current_thread() is main_thread():
             signal.signal(signal.SIGINT, handler)

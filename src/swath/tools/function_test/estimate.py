@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.errors import Extra, InputError, SwathError
 from swath.core.random import Stream
 from swath.core.whole_file import no_link
 from swath.signals import F64
@@ -228,7 +228,7 @@ class Estimated:
 
     @property
     def results(self) -> list[Result]:
-        """Of all runs at the level that is judged."""
+        """Results of all runs at the level that is judged."""
         rounds = [r for r in (*self.rounds, self.last) if not r.level]
         return [result for r in rounds for result in r.results]
 
@@ -254,7 +254,7 @@ class Estimated:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """For a file: what is told, and what it rests on."""
+        """For a file: what is reported, and what it rests on."""
         rate, cheap = self.rate, self.cheap_rate
         given = not self.refusals
         return {
@@ -385,8 +385,6 @@ def check(asked: Estimate) -> Case:
 
 
 def _normal_share(place: F64) -> F64:
-    try:
+    with Extra("test", "swath test estimate"):
         from scipy.special import ndtr
-    except ImportError:
-        raise MissingExtra("test", "swath test estimate") from None
     return np.asarray(ndtr(place))

@@ -1,10 +1,10 @@
 """Is a detector wrong and sure? The Stanford diagram of satellite navigation, for the crop edge.
 
-Over all samples: the error that there is (x) and three standard deviations as they are told (y). Below the
-diagonal the error is more than told (misleading); where it is beyond the alert limit, too, the detector is
-sure and wrong (hazardously misleading; Tossaint et al. 2007, the Stanford-ESA integrity diagram). One that
-says that it is not sure is unavailable: its samples stand in the top row. One without a standard deviation
-tells 0. What sure, wrong and an episode are: `judge/evaluators/edge_detection.py`.
+Over all samples: the error that there is (x) and three standard deviations as they are reported (y). Below
+the diagonal the error is more than reported (misleading); where it is beyond the alert limit, too, the
+detector is sure and wrong (hazardously misleading; Tossaint et al. 2007, the Stanford-ESA integrity diagram).
+One that says that it is not sure is unavailable: its samples stand in the top row. One without a standard
+deviation tells 0. What sure, wrong and an episode are: `judge/evaluators/edge_detection.py`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ BIN_M, BIN_COUNT = 0.03, 20  # of error and of three standard deviations; the la
 
 
 class IntegrityHook(RunHook):
-    """Notes error against told error of the machines of a run."""
+    """Notes error against reported error of the machines of a run."""
 
     READS_TRACKS = False
 
@@ -36,7 +36,7 @@ class IntegrityHook(RunHook):
 
 
 def integrity_of(series: EdgeSeries, settling: float) -> dict[str, Any]:
-    """Counts of one run: bins (error bin, told bin, samples), samples, hazardous, episodes, longest_m, km."""
+    """Counts of one run: bins (error, reported, samples), samples, hazardous, episodes, longest_m, km."""
     s = series.settled(settling)
     beyond = BIN_M * BIN_COUNT
     error = np.where(np.isfinite(s.error), np.abs(s.error), MATCH_M)[s.found]

@@ -25,7 +25,7 @@ UNCOUNTED = (OPEN, UNJUDGED, ERROR)
 
 
 def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, Any]) -> tuple[str, str]:
-    """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` tells it."""
+    """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` gives it."""
     for result, verdict in (("fail", "fail"), ("not measured", UNJUDGED)):
         if of := next((e for e in entries if result_of(e) == result), None):
             return verdict, f"{of['subject']}.{of['name']}: {of['reason']}"

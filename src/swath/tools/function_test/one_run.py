@@ -68,7 +68,7 @@ def results_in(runs: Sequence[PlannedRun], fields: KeptFields) -> Iterator[Resul
 
 
 def do_run(run: PlannedRun, fields: KeptFields) -> Result:
-    """One of them."""
+    """Do one of the runs."""
     (result,) = results_in([run], fields)
     return result
 

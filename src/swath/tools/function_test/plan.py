@@ -3,7 +3,8 @@
 The name is a SHA-256 (FIPS 180-4) of the scenario as it is resolved, the contents of every file that it or a
 change of it names, the changes, the seed, and the code of this package. A result is found again under it
 however often a plan is interrupted, and not found where anything has changed. What the runs of a plan are
-called is written down when it is made: results are read, told and judged by that, whatever has changed since.
+called is written down when it is made: results are read, reported and judged by that, whatever has changed
+since.
 """
 
 import hashlib

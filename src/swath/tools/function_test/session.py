@@ -77,8 +77,8 @@ class Session:
         return {row["id"] for row in named} & finished(self.journals)
 
     def put_aside(self) -> None:
-        """Move the results into a folder of their own, where they are told, judged and compared as before;
-        runs that the next plan has, too, are found there and here.
+        """Move the results into a folder of their own, where they are reported, judged and compared as
+        before; runs that the next plan has, too, are found there and here.
         """
         folder = no_link(self.folder / EARLIER)
         aside = own_folder(folder / str(1 + len(list(folder.glob("*")))))

@@ -17,7 +17,7 @@ from swath.runtime.hooks import ActiveRun, RunHook
 
 SUMMARY = "steering"
 CLASS_M, CLASS_COUNT = 0.01, 100  # the last class takes what is beyond
-HELD = 0.95  # share that lies up to the class that is told
+HELD = 0.95  # share that lies up to the class that is reported
 
 
 class SteeringHook(RunHook):

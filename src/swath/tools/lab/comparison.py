@@ -2,7 +2,7 @@
 
 The repeatability band of a level: its heights in one stand against those in another of the same kind, under
 another scanner of the same make, for every pair of seeds; the worst of every number. A difference within the
-band cannot be told from chance. Beyond it the limits GOOD and FAIR apply.
+band cannot be distinguished from chance. Beyond it the limits GOOD and FAIR apply.
 """
 
 from collections.abc import Sequence
@@ -102,7 +102,7 @@ def _compare(level: str, against: str, found: Sequence[Agreement], band: dict[st
 
 
 def rating_of(number: str, value: float, band: float) -> str:
-    """One of RATINGS."""
+    """Rating, one of RATINGS."""
     size = deviation(number, value)
     for rating, limit in (
         ("repeatable", band),

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets
+from swath.terminal.options import add_folder, add_sets, option
 
 USUAL = "straight"
 
@@ -15,16 +15,11 @@ FILES = ("inputs.csv", "outputs.csv")
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("part", help="one slot of a scenario on its own", description=_DESCRIPTION)
-    parser.add_argument("slot", metavar="SLOT", help="combine.process, or process where there is one machine")
-    parser.add_argument(
-        "--input",
-        type=Path,
-        metavar="X.csv|RUN",
-        help="its inputs: a table, or a run; without it, print the columns",
+    option(parser, "slot SLOT", "combine.process, or process where there is one machine")
+    option(
+        parser, "--input X.csv|RUN", "its inputs: a table, or a run; without it, print the columns", type=Path
     )
-    parser.add_argument(
-        "--scenario", metavar="NAME|FILE", help=f"scenario of the slot (default: that of RUN, else {USUAL})"
-    )
+    option(parser, "--scenario NAME|FILE", f"scenario of the slot (default: that of RUN, else {USUAL})")
     help_ = "folder for inputs.csv and outputs.csv"
     add_folder(parser, "part", *FILES, text=help_, required=False, alone=False)
     add_sets(parser)

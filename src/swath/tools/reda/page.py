@@ -105,7 +105,7 @@ def write_all(out: Path, settings: Settings, found: list[Found]) -> list[Path]:
 
 
 def score_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
-    """Of SCORE_HEAD, one per condition and sensor."""
+    """Rows under SCORE_HEAD, one per condition and sensor."""
     rows: list[tuple[str, ...]] = []
     for made in found:
         for name in made.cells:

@@ -3,7 +3,7 @@
 After REDA, a person on a grid of places under changing conditions (doi:10.3390/s22155745); the places, crop
 and weather here are our own.
 
-Of each sensor is counted how often it tells of a person at a place, and of one that is not there.
+Of each sensor is counted how often it reports a person at a place, and of one that is not there.
 """
 
 from collections.abc import Iterator
@@ -124,7 +124,7 @@ class Settings:
                 raise InputError(key, " ".join(names), "expected each only once")
 
     def conditions(self) -> list[Condition]:
-        """All of them, the weather last."""
+        """All conditions, the weather last."""
         return [Condition(*values) for values in product(self.heights, self.densities, self.weathers)]
 
 
@@ -171,7 +171,7 @@ class Scene:
 
 
 def places() -> Iterator[tuple[float, float]]:
-    """All of the grid, (inside, aside) [m]."""
+    """All places of the grid, (inside, aside) [m]."""
     return product(INSIDE, ASIDE)
 
 

@@ -71,7 +71,7 @@ class RecordingComparison(RunHook):
             if key in self._early:
                 compared.note(self._early.pop(key), f"{output} {ELSEWHEN}")
             if recorded[0] > t:  # a part's shorter last step where the run ends before the recorded one, or
-                self._early[key] = t  # a difference: the next sample, or the end, tells
+                self._early[key] = t  # a difference: the next sample, or the end, shows it
                 continue
             compared.sample_count += 1
             if recorded[0] < t:

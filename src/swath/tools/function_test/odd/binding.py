@@ -193,7 +193,7 @@ class Odd:
 
     @property
     def bucket_count(self) -> int:
-        """Of all axes together."""
+        """Number of buckets of all axes together."""
         return sum(axis.count for axis in self.axes)
 
     @property
@@ -203,7 +203,7 @@ class Odd:
 
     @cached_property
     def bucket_axis(self) -> list[tuple[Axis, int]]:
-        """Of every bucket its axis and its number there."""
+        """Axis of every bucket, and its number there."""
         return [(axis, bucket) for axis in self.axes for bucket in range(axis.count)]
 
     @cached_property
@@ -253,7 +253,7 @@ class Odd:
         return Case(self.name, made, self.document)
 
     def case_text(self) -> str:
-        """The same as a file."""
+        """The case as a file."""
         return dump(self.case_data())
 
 

@@ -75,7 +75,7 @@ class Conducted:
         return len(self.campaign.budgets) == 1 and len(self.results) >= self.campaign.budgets[0]
 
     def cells(self) -> list[OddCell]:
-        """All cells, judged."""
+        """All cells with their verdicts."""
         return judged(self.coverage, self.claim, is_complete=self.is_complete)
 
     def causes(self) -> list[Cause]:

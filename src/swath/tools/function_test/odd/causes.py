@@ -202,7 +202,7 @@ def _narrowed(odd: Odd, values: F64, fails: Flags, box: _Box, k: int) -> _Box:
 
 
 def _log_likelihood(failed: F64, counted: F64) -> F64:
-    """Of the rate that fits best."""
+    """Log-likelihood of the rate that fits best."""
     passed = counted - failed
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = failed * np.log(failed / counted), passed * np.log(passed / counted)

@@ -18,7 +18,7 @@ from swath.tools.function_test.odd.openodd import TAXONOMY, Domain, Value, read_
 FEWEST = 4  # buckets of a number: fewer put its ends and its usual values into one verdict
 UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW = "unbound", "out of range", "contradictory", "few buckets"
 NOT_SIMULATED, NOT_DRAWN = "not simulated", "not drawn"
-WRONG = (UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW)  # what has to be mended; the others are told
+WRONG = (UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW)  # what has to be mended; the others are reported
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def check_file(path: Path) -> tuple[Domain, list[Finding]]:
 
 
 def check(odd: Odd) -> list[Finding]:
-    """Of a bound ODD."""
+    """Check a bound ODD."""
     bound = odd.file.attributes
     text = "the binding does not name it"
     found = [Finding(UNBOUND, name, text) for name in odd.domain.attributes if name not in bound]

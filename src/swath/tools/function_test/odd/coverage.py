@@ -70,7 +70,7 @@ class Driven:
 
 
 def driven_of(odd: Odd, result: Result) -> Driven:
-    """Of a result; `met` says what was measured."""
+    """What a run drove; `met` says what was measured."""
     met, point = result.get(MET) or {}, result["point"]
     distance = np.array(met.get("distance_m", []), dtype=float)
     t = np.array(met.get("t_s", []), dtype=float)
@@ -187,7 +187,7 @@ class Coverage:
 
 
 def coverage_of(odd: Odd, results: Iterable[Result]) -> Coverage:
-    """Of finished runs."""
+    """Coverage by finished runs."""
     found = Coverage(odd)
     for result in results:
         found.add(driven_of(odd, result))
