@@ -365,8 +365,9 @@ def samples_of(outputs: Mapping[str, Signal], kind: type[S]) -> list[S]:
 
 
 class Blocks:
-    """What all slots sent since the last look, in all worlds. order: (1,) how many times a slot sent
-    anything.
+    """What all slots sent since the last look, in all worlds.
+
+    order: (1,) how many times a slot sent anything
     """
 
     def __init__(self) -> None:
