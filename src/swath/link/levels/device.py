@@ -53,8 +53,10 @@ STEP = 10.0  # to the north, of which the grid's convergence is taken [m]
 class DeviceSetup:
     """name: of the slot, such as `combine.lidar`; outputs: that it has; period: of it [s].
 
-    range_max: that a scanner reports [m], nan where it does not say; origin: of the field on Earth
-    factor: simulated seconds per second; identity: what the sensor calls itself, empty = not known
+    range_max: that a scanner reports [m], nan where it does not say
+    origin: of the field on Earth
+    factor: simulated seconds per second
+    identity: what the sensor calls itself, empty = not known
     """
 
     name: str
@@ -350,7 +352,8 @@ OPTIONS = {"lms": ("cola",), "velodyne": (), "nmea": ()}
 class Params:
     """address: of the device, or where it is heard, as in docs/how-to/devices.md.
 
-    mount: of a scanner on the machine; antenna_m: x, y, z of a receiver's antenna on it
+    mount: of a scanner on the machine
+    antenna_m: x, y, z of a receiver's antenna on it
     wait_s: how long to wait for the first sample
     timeout_ms: longest time without a sample
     on_timeout: `note` says so and goes on, `fail` ends the run with an error
