@@ -131,13 +131,13 @@ def work(job: Any, key: dict[str, Any], limit: float, file: Path) -> None:
     from swath.core.errors import InputError
     from swath.core.foreign_code import allow_code
     from swath.fleet.driven import driven
-    from swath.fleet.schedule import schedule_of
+    from swath.fleet.search import best_of
     from swath.fleet.worked import by_events
 
     row = dict(key, hours=math.nan)
     try:
         with allow_code(None):
-            made = schedule_of(job)
+            _, made = best_of(job)
         row["cpu_s"] = time.process_time()
         row["megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         worked = by_events(made)
@@ -146,7 +146,7 @@ def work(job: Any, key: dict[str, Any], limit: float, file: Path) -> None:
             "efficiency": worked.efficiency,
             "hectares": made.plan.area / 1e4,
         }
-        row |= {"left": made.plan.left / made.plan.area, "notes": made.notes}
+        row |= {"left": made.plan.left / made.plan.area, "notes": made.notes, "bound": made.bound / 3600.0}
         row |= {"dropped": len(job.carts) - len(made.machines.carts)}
         row |= {"combines": len(job.combines), "carts": len(job.carts)}
         if key["kind"] == "as drawn":
@@ -199,10 +199,13 @@ def line(r: dict[str, Any]) -> str:
     if "said" in r:
         return f"{head} {r['said']}"
     text = f"{head} {r['hectares']:6.2f} ha {r['combines']}+{r['carts']} {r['hours']:7.3f} h"
+    text += f" (bound {r['bound']:.3f})"
     text += f" {100 * r['efficiency']:5.1f} % {r['cpu_s']:6.1f} CPU-s {r['megabytes']:5.0f} MB"
     if "baseline" in r:
         text += f", baseline {r['baseline']:.3f} h, {r['hours'] / r['baseline']:.2f}"
-    return text + (f", driven {r['driven']:.3f} h, contact {r['contact_s']:.1f} s" if "driven" in r else "")
+    return text + (
+        f", driven {r['driven']:.3f} h, contact {r['contact_s']:.1f} s" if "contact_s" in r else ""
+    )
 
 
 def summary(rows: list[dict[str, Any]]) -> None:

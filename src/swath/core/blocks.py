@@ -356,8 +356,9 @@ def newest_of(outputs: Mapping[str, Signal], kind: type[Signal], machine: str, b
 
 
 class Blocks:
-    """What all slots sent since the last look, in all worlds. order: (1,) how many times a slot sent
-    anything.
+    """What all slots sent since the last look, in all worlds.
+
+    order: (1,) how many times a slot sent anything
     """
 
     def __init__(self) -> None:

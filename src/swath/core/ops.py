@@ -36,8 +36,9 @@ FIRST, LAST, BASE, PART, FROM, STOP, NEEDS, STAGE, REACHED, CLOCK, ORDER = range
 class Op(Protocol, metaclass=ByMembers):
     """Parts of a slot in all worlds, stepped by launches over rows.
 
-    sent: by output; heard: trails that it takes samples of inputs with a history from; walks: whether
-    launches are all that a step takes
+    sent: by output
+    heard: trails that it takes samples of inputs with a history from
+    walks: whether launches are all that a step takes
     active: worlds that still run
     needs: (1,) int32, set by a launch that lacks something: `supply` then does what it did not
     """

@@ -31,8 +31,8 @@ class Samples:
     """A sample of an output in each of n worlds, at one time t [ns].
 
     arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may
-    be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
-    stay so
+        be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and stay
+        so
     """
 
     def __init__(

@@ -152,8 +152,10 @@ class _Trip:
 
 @dataclass(frozen=True)
 class Poured:
-    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]; during: first and last
-    segment of the source in which it is.
+    """Grain handed over.
+
+    source, target: machines; amount [kg]; begins, ends [s]
+    during: first and last segment of the source in which it is
     """
 
     source: str
@@ -818,8 +820,10 @@ class Scheduler:
         self, c: CombineState, k: CartState, leg: _Leg, levels: Array, meets: list[list[int]],
         times: list[float] | None, start: Start,
     ) -> tuple[Option, Any] | None:  # fmt: skip
-        """A cart drives beside the combine in its pass, over cut ground, and is poured into. meets: who is
-        met on the leg; times: its first ones [s].
+        """A cart drives beside the combine in its pass, over cut ground, and is poured into.
+
+        meets: who is met on the leg
+        times: its first ones [s]
         """
         ahead, left = beside(c.spec, k.spec)
         run = self.free_lane(c, k, leg)
@@ -890,8 +894,9 @@ class Scheduler:
     def free_again(
         k: CartState, exits: tuple[bool, float, list[Poured]], over: float, load: float
     ) -> tuple[float, float]:
-        """From when on a cart can set out to another load [s], and the room in its box then [kg]. over: when
-        it has taken a load [s].
+        """From when on a cart can set out to another load [s], and the room in its box then [kg].
+
+        over: when it has taken a load [s]
         """
         empties, home, _ = exits
         return (home, k.spec.load) if empties else (over, k.room - load)

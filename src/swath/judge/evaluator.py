@@ -149,8 +149,11 @@ class Event:
     """Something that happened during a run.
 
     t, end_t [ns]: when it began and ended; both are the same for what takes no time; end_t is None while it
-    lasts. kind: one word, as in `after: gap`; machine: to which it happened
-    x, y: place in the world [m]; distance: driven by the machine when it began [m]; text: one sentence
+        lasts. kind: one word, as in `after: gap`
+    machine: to which it happened
+    x, y: place in the world [m]
+    distance: driven by the machine when it began [m]
+    text: one sentence
     other: the second machine or the obstacle that takes part, if any
     end_distance: driven when it ended [m], nan while it lasts and for what takes no time
     because: why it happened: names and kinds of obstacles and machines, where the evaluator knows
@@ -340,8 +343,9 @@ class TakesSeen(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class SeesLive(Protocol, metaclass=ByMembers):
-    """One of these that has to look something up at the time of a sample. live: types of those; with
-    `rests_until` (`Rests`) it is shown all that it wants from then on.
+    """One of these that has to look something up at the time of a sample.
+
+    live: types of those; with `rests_until` (`Rests`) it is shown all that it wants from then on
     """
 
     @property

@@ -44,8 +44,12 @@ REST = NS // 10  # between two questions whether a machine has moved on [ns]
 @saved_type()
 @dataclass
 class Seen:
-    """What was met of a quantity at a slot. low, high: of all values; looks: with a value; beyond: of these
-    looks, beyond the range; strays: values beyond it.
+    """What was met of a quantity at a slot.
+
+    low, high: of all values
+    looks: with a value
+    beyond: of these looks, beyond the range
+    strays: values beyond it
     """
 
     low: float = inf

@@ -20,8 +20,11 @@ class Hitch:
 
 @dataclass(frozen=True)
 class OpenBox:
-    """A box that grain is poured into. x: its middle ahead of the origin of what carries it: the middle of
-    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m].
+    """A box that grain is poured into.
+
+    x: its middle ahead of the origin of what carries it: the middle of the trailer's axle, or the machine's
+        own; length, width, depth
+    floor: above the ground [m]
     """
 
     x: float
@@ -38,9 +41,13 @@ class OpenBox:
 
 @dataclass(frozen=True)
 class Pipe:
-    """An unloading pipe. x, y, z: its pivot in the machine frame [m]; length [m]: pivot to mouth, outward and
-    level; swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
-    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad].
+    """An unloading pipe.
+
+    x, y, z: its pivot in the machine frame [m]
+    length [m]: pivot to mouth, outward and level
+    swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s] exit_speed: of the
+        grain [m/s]
+    fall: its direction below the pipe's [rad]
     """
 
     x: float
@@ -153,8 +160,8 @@ class LinkSetup:
 
     machine_name, slot: where it sits, e.g. `combine`, `steer`
     inputs: ports it may have, as the slot is wired in a machine, each optional; a component takes those it
-    wants, with `dataclasses.replace(port, history=True)` to get every sample since its last step. In a slot
-    of control no truth is among them
+        wants, with `dataclasses.replace(port, history=True)` to get every sample since its last step. In a
+        slot of control no truth is among them
     outputs: ports that the rest of the machine expects of the slot
     control: geometry, sensor mounting, side of the edge and period
     base: folder that relative file names start from
@@ -162,7 +169,7 @@ class LinkSetup:
     before_asking: to be called before somebody outside is waited for, who may act on messages of the run
     ground: height of the terrain [m] at x, y, (n,) each; None in a slot of control
     to_local: longitude, latitude [deg], height [m], (n, 3), as east, north, up of the field [m]; None where
-    it lies nowhere on Earth
+        it lies nowhere on Earth
     """
 
     machine_name: str

@@ -39,11 +39,13 @@ class EdgeSeries:
     """The course of a run, arrays of shape (n,): t [s], distance [m].
 
     true: y in the machine frame at the detector's reference [m] of the line to be steered along; nan = none
-    detected: likewise, nan = none; error: detected minus true [m], > 0 towards the crop, nan where they are
-    farther apart than MATCH_M; found: an edge was reported; exists: one is near enough that it had to be
+    detected: likewise, nan = none
+    error: detected minus true [m], > 0 towards the crop, nan where they are farther apart than MATCH_M
+    found: an edge was reported
+    exists: one is near enough that it had to be
     confidence, is_held, offset_sd [m]: as reported
     wall: y of the crop that stands, nearest to the detected edge, or to the header end where none is detected
-    [m]; it is the true edge but across a hole of the initial edge, see `present_edge.Holes`; nan = none
+        [m]; it is the true edge but across a hole of the initial edge, see `present_edge.Holes`; nan = none
     """
 
     t: F64

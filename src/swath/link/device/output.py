@@ -38,8 +38,10 @@ STEP = 10.0  # to the north, of which the grid's convergence is taken [m]
 class DeviceSetup:
     """name: of the slot, such as `combine.lidar`; outputs: that it has; period: of it [s].
 
-    range_max: that a scanner reports [m], nan where it does not say; origin: of the field on Earth
-    factor: simulated seconds per second; identity: what the sensor calls itself, empty = not known
+    range_max: that a scanner reports [m], nan where it does not say
+    origin: of the field on Earth
+    factor: simulated seconds per second
+    identity: what the sensor calls itself, empty = not known
     """
 
     name: str

@@ -40,7 +40,8 @@ OPTIONS = {"lms": ("cola",), "velodyne": (), "nmea": ()}
 class Params:
     """address: of the device, or where it is heard, as in docs/how-to/devices.md.
 
-    mount: of a scanner on the machine; antenna_m: x, y, z of a receiver's antenna on it
+    mount: of a scanner on the machine
+    antenna_m: x, y, z of a receiver's antenna on it
     wait_s: how long to wait for the first sample
     timeout_ms: longest time without a sample
     on_timeout: `note` says so and goes on, `fail` ends the run with an error
