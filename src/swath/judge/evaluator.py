@@ -14,6 +14,7 @@ import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -361,12 +362,13 @@ class Later:
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what a slot published at t [ns]."""
-        if isinstance(self, HasSignals) and not is_among(map(type, outputs.values()), self.SIGNALS):
+        kinds = tuple(map(type, outputs.values()))
+        if isinstance(self, HasSignals) and not is_among(kinds, self.SIGNALS):
             return
         self.take(Seen.of_one(slot, t, outputs))
         if isinstance(self, SeesLive):
             is_awake = isinstance(self, Rests) and t >= self.rests_until
-            if is_awake or is_among(map(type, outputs.values()), self.live):
+            if is_awake or is_among(kinds, self.live):
                 self.see_live(slot, t, outputs)
 
     def take(self, seen: Seen) -> None:
@@ -374,7 +376,8 @@ class Later:
         raise NotImplementedError
 
 
-def is_among(kinds: Iterable[type[Signal]], wanted: tuple[type[Signal], ...]) -> bool:
+@lru_cache(maxsize=4096)
+def is_among(kinds: tuple[type[Signal], ...], wanted: tuple[type[Signal], ...]) -> bool:
     """Whether samples of one of these types are wanted."""
     return any(issubclass(kind, wanted) for kind in kinds)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.blocks import Block, Seen, Shown, number_of
+from swath.core.blocks import Block, Seen, Shown, samples_of
 from swath.core.frames import Pose, wrap_angle
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
@@ -197,8 +197,7 @@ class EdgeDetection(Later):
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look up what stands where an edge is reported, once the truth has reached its time."""
-        if number_of(outputs, CropEdge, "t") is not None:
-            self._waiting += [signal for signal in outputs.values() if isinstance(signal, CropEdge)]
+        self._waiting += samples_of(outputs, CropEdge)
         if self._waiting:
             now = outputs.waiting(MachineState, self.setup.name) if isinstance(outputs, Shown) else None
             self.look(now)
