@@ -53,8 +53,7 @@ def stepped(env: Any, count: int, steps: int) -> dict[str, float]:
 def tested(count: int) -> dict[str, float]:
     """Milliseconds a run, alone and with `count` in step."""
     from swath.runtime.kept import KeptFields
-    from swath.tools.function_test.in_step import results_in
-    from swath.tools.function_test.one_run import do_run
+    from swath.tools.function_test.one_run import do_run, results_in
     from swath.tools.function_test.plan import Plan
 
     with tempfile.TemporaryDirectory() as folder:

@@ -51,7 +51,7 @@ def test_a_class_of_a_cell_is_a_level_of_a_run(tmp_path):
     assert "here:Straight" in (tmp_path / "r" / "scenario.yaml").read_text()
     shown = result._repr_html_()
     assert "lateral_rms_m" in shown
-    assert "data:image/png;base64," in shown
+    assert "data:image/svg+xml;base64," in shown
 
 
 @pytest.mark.drawn

@@ -12,7 +12,7 @@ from swath.field.crop import Crop
 from swath.field.crop_sheet import Weeds, load_crop, weed_crop
 from swath.field.memory_layout import Organ, PlantLibrary, Shape
 from swath.field.prototypes import make_library
-from swath.report.stand3d import COLOURS, NAMES
+from swath.tools.scan.stand3d import COLOURS, NAMES
 
 INK, GRID = "#33373d", "#d9dbde"
 MESH = Path(__file__).resolve().parents[2] / "examples" / "meshes" / "sunflower.yaml"

@@ -24,12 +24,11 @@ from swath.documents.validation import unknown_key
 from swath.documents.yaml_document import Document, parse_value
 from swath.judge.limits import exit_code_of
 from swath.report.notebook import picture, run_html
-from swath.runtime.assembly import assemble
 from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty, scan_of
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
-from swath.runtime.worlds import as_ours, drive_together, warn_of_batch
+from swath.runtime.worlds import run_each
 from swath.scenario.scenario import Scenario, read_scenario
 from swath.scenario.scenario import load_scenario as _load
 from swath.tools.scan.scan import scan_job
@@ -427,23 +426,33 @@ def batch(
     workers = workers if processes is None else processes
     if workers < 1:
         raise InputError("workers", workers, "expected >= 1")
-    if workers > 1:
-        return _in_workers(entries, workers, code)
-    return map(partial(_run_entry, KeptFields(), code), enumerate(entries))
+    return _done(((at, [entry]) for at, entry in enumerate(entries)), workers, code)
 
 
-def _in_workers(entries: Iterable[Entry], workers: int, code: bool) -> Iterator[BatchRun]:
-    given: dict[int, Entry] = {}
+Chunk = tuple[int, Sequence[Any]]  # number of the first entry, entries that are done at once
 
-    def jobs() -> Iterator[tuple[int, Any]]:
-        for index, entry in enumerate(entries):
-            given[index] = entry
-            yield index, _sendable(entry)
 
-    for (index, _), found in in_workers(jobs(), partial(_begin, code), workers, in_order=True):
-        error = SwathError(f"entry {index}: {found}") if isinstance(found, Lost) else None
-        run = BatchRun(index, "", error=error) if isinstance(found, Lost) else found
-        yield replace(run, entry=given.pop(index))
+def _done(chunks: Iterable[Chunk], processes: int, code: bool) -> Iterator[BatchRun]:
+    """What becomes of entries, in order."""
+    if processes == 1:
+        return (run for found in map(_begin(code), chunks) for run in found)
+    return _done_in_processes(chunks, processes, code)
+
+
+def _done_in_processes(chunks: Iterable[Chunk], processes: int, code: bool) -> Iterator[BatchRun]:
+    given: dict[int, Sequence[Entry]] = {}
+
+    def jobs() -> Iterator[Chunk]:
+        for at, entries in chunks:
+            given[at] = entries
+            yield at, [_sendable(entry) for entry in entries]
+
+    for (at, _), found in in_workers(jobs(), partial(_begin, code), processes, in_order=True):
+        entries = given.pop(at)
+        if isinstance(found, Lost):
+            which = f"entry {at}" if len(entries) == 1 else f"worlds {at} to {at + len(entries) - 1}"
+            found = [BatchRun(at + k, "", error=SwathError(f"{which}: {found}")) for k in range(len(entries))]
+        yield from (replace(run, entry=entry) for run, entry in zip(found, entries, strict=True))
 
 
 Vary = Mapping[str, tuple[float, float] | Sequence[Any]]
@@ -505,9 +514,7 @@ def worlds(
         for i in range(n)
     )
     chunks = ((at, list(islice(entries, together))) for at in range(0, n, together))
-    if processes == 1:
-        return (run for chunk in chunks for run in _run_together(code, chunk))
-    return _chunks_in_processes(chunks, processes, code)
+    return _done(chunks, processes, code)
 
 
 def _texts(sets: Sequence[str]) -> dict[str, Any]:
@@ -529,59 +536,35 @@ def _varied(vary: Vary, seed: int, world: int) -> dict[str, Any]:
     return found
 
 
-def _chunks_in_processes(
-    chunks: Iterator[tuple[int, list[dict[str, Any]]]], processes: int, code: bool
-) -> Iterator[BatchRun]:
-    for (at, entries), found in in_workers(chunks, partial(_begin_together, code), processes, in_order=True):
-        if isinstance(found, Lost):
-            error = SwathError(f"worlds {at} to {at + len(entries) - 1}: {found}")
-            yield from (BatchRun(at + k, entry, error=error) for k, entry in enumerate(entries))
-        else:
-            yield from found
+def _begin(code: bool) -> Callable[[Chunk], list[BatchRun]]:
+    """What a process does with each chunk."""
+    return partial(_run_entries, KeptFields(), code)
 
 
-def _begin_together(code: bool) -> Callable[[tuple[int, list[dict[str, Any]]]], list[BatchRun]]:
-    """What a worker process does with each chunk."""
-    return partial(_run_together, code)
-
-
-@collected_rarely()
-def _run_together(code: bool, chunk: tuple[int, list[dict[str, Any]]]) -> list[BatchRun]:
-    """Worlds in step, in this process."""
+def _run_entries(fields: KeptFields, code: bool, chunk: Chunk) -> list[BatchRun]:
+    """Entries in this process, several of them in step."""
     first, entries = chunk
-    made, scenarios, found = [], [], {}
-    for index, entry in enumerate(entries, first):
+    folders: dict[int, Path] = {}
+
+    def alone(job: tuple[int, Any]) -> dict[str, Any]:
+        scenario, out = _scenario_of(job[1], code)
         try:
-            scenario, _ = _scenario_of(entry, code)
-            made.append((index, assemble(scenario)))
-            scenarios.append(scenario)
-        except Exception as error:  # a user's own part may raise anything
-            found[index] = BatchRun(index, entry, error=as_ours(error))
-    blame: Exception | None = None
-    try:
-        for place, ended in drive_together([world for _, world in made]):
-            index, entry = made[place][0], entries[made[place][0] - first]
-            if isinstance(ended, InputError):
-                ended = scenarios[place].locate(ended)
-            if isinstance(ended, SwathError):
-                found[index] = BatchRun(index, entry, error=ended)
-            else:
-                found[index] = BatchRun(index, entry, None, ended)
-    except Exception as error:  # of one of those that are left, which are then done alone
-        blame = error
-    for _, world in made:
-        world.close()
-    fields = KeptFields()
-    left = [numbered for numbered in enumerate(entries, first) if numbered[0] not in found]
-    found |= {numbered[0]: _run_entry(fields, code, numbered) for numbered in left}
-    if blame is not None and not any(found[index].error for index, _ in left):
-        warn_of_batch(blame)
-    return [found[index] for index in sorted(found)]
+            if out is None:
+                return run_unrecorded(scenario, fields)
+            folder = choose_run_folder(scenario.name, scenario.seed, Path(out), summary=scenario.summary)
+            folders[job[0]] = folder
+            return run_job(scenario, folder, fields=fields).summary
+        except InputError as error:
+            raise scenario.locate(error) from error
 
-
-def _begin(code: bool) -> Callable[[tuple[int, Any]], BatchRun]:
-    """What a worker process does with each entry."""
-    return partial(_run_entry, KeptFields(), code)
+    ends = run_each([*enumerate(entries)], lambda job: (_scenario_of(job[1], code)[0], ()), alone)
+    found = {k: ended for k, ended, _ in ends}
+    return [
+        BatchRun(first + k, entry, folders.get(k), None, ended)
+        if isinstance(ended := found[k], SwathError)
+        else BatchRun(first + k, entry, folders.get(k), ended)
+        for k, entry in enumerate(entries)
+    ]
 
 
 @dataclass(frozen=True)
@@ -599,28 +582,6 @@ def _sendable(entry: Any) -> Any:
     if isinstance(entry, Mapping):
         return {key: _sendable(value) if key == "scenario" else value for key, value in entry.items()}
     return entry
-
-
-@collected_rarely()
-def _run_entry(fields: KeptFields, code: bool, numbered: tuple[int, Any]) -> BatchRun:
-    """One run of a batch, in this process."""
-    index, entry = numbered
-    folder = None
-    try:
-        scenario, out = _scenario_of(entry, code)
-        try:
-            if out is None:
-                summary = run_unrecorded(scenario, fields)
-            else:
-                folder = choose_run_folder(scenario.name, scenario.seed, Path(out), summary=scenario.summary)
-                summary = run_job(scenario, folder, fields=fields).summary
-        except InputError as error:
-            raise scenario.locate(error) from error
-    except SwathError as error:
-        return BatchRun(index, entry, folder, error=error)
-    except Exception as error:  # a user's own part may raise anything; one run must not end the others
-        return BatchRun(index, entry, folder, error=SwathError(f"{type(error).__name__}: {error}"))
-    return BatchRun(index, entry, folder, summary)
 
 
 def _scenario_of(entry: Any, code: bool) -> tuple[Scenario, Any]:

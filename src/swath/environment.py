@@ -1,287 +1,22 @@
 """A scenario as an environment of gymnasium: somebody else's policy steers (extra `gym`)."""
 
-import dataclasses
-import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from math import fsum, tan
 from typing import Any
 
 import numpy as np
 
-from swath.api import Sets, load_scenario
-from swath.core.abilities import HasRange
-from swath.core.component import Port
-from swath.core.errors import InputError, MissingExtra, SwathError
-from swath.core.random import Stream
-from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
-from swath.core.units import KMH
-from swath.documents.validation import unknown_key
-from swath.judge.evaluation import Evaluation
-from swath.judge.windows import FIELD
-from swath.record.tracks import Tracks
-from swath.runtime.assembly import assemble, exchange
-from swath.runtime.evaluation import make_evaluation
-from swath.runtime.loop import drive, driven_m, has_arrived
+from swath.api import Sets
+from swath.core.errors import MissingExtra
+from swath.driving_task import known_words
 from swath.runtime.world import World
-from swath.scenario.scenario import Scenario
-from swath.scenario.slots import kind_of
-from swath.sensing.camera.rays import SceneCamera
-from swath.signals import Signal, SpeedCommand, SteerCommand
+from swath.vector_environment import Seen, VectorEnv, taken
 
 try:
     import gymnasium
-    from gymnasium import logger, spaces
 except ImportError as error:
     raise MissingExtra("gym", "swath.Env") from error
 
-OBSERVED = (  # name, largest size; the edge's offset counts from the header end, > 0 left
-    ("offset_m", 10.0), ("heading_rad", np.pi), ("curvature_1_m", 0.5), ("confidence", 1.0),
-    ("offset_sd_m", 10.0), ("speed_m_s", 20.0), ("yaw_rate_rad_s", 3.0), ("steer_rad", 1.6),
-)  # fmt: skip
-OF_EDGE = ("offset", "heading", "curvature", "confidence", "offset_sd")
-OF_ODOMETRY = ("speed", "yaw_rate", "steer_angle")
-TRACK_PERIOD = NS // 50
-OUTSIDE = 1e-6  # of an action beyond its space: more than float32 rounds off
-Seen = np.ndarray | dict[str, np.ndarray]
-
-
-class Commanded(InWorlds):
-    """A part of a machine that sends what it was told last. kind: of the command.
-
-    field: of it that is told; more: its other fields; value: told last
-    """
-
-    def __init__(self, kind: type[Signal], field: str, **more: Any) -> None:
-        self.inputs: tuple[Port, ...] = ()
-        self.outputs = (Port("command", kind),)
-        self.kind, self.field, self.more, self.value = kind, field, more, 0.0
-
-    @classmethod
-    def together(cls, parts: Sequence["Commanded"]) -> "Commands":
-        """All of them."""
-        return Commands(parts)
-
-
-class Commands(KeepsRows):
-    """Those of many worlds."""
-
-    def __init__(self, parts: Sequence[Commanded]) -> None:
-        self.parts, self.errors = parts, dict[int, SwathError]()
-
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Samples]:
-        """The commands at t = 0."""
-        return self._samples(0)
-
-    def step(self, t: int, dt: int, inputs: Given) -> dict[str, Samples]:
-        """The commands valid at t + dt."""
-        return self._samples(t + dt)
-
-    def _samples(self, t: int) -> dict[str, Samples]:
-        first, told = self.parts[0], np.array([part.value for part in self.parts])
-        more = {name: np.full(len(told), value) for name, value in first.more.items()}
-        return {"command": Samples(first.kind, t, {first.field: told, **more})}
-
-
-@dataclass
-class Score:
-    """What driving in a world is worth. evaluation: with its limits; distance_m: to be driven in all."""
-
-    evaluation: Evaluation
-    distance_m: float
-    limits: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # as they stood last
-
-    def __post_init__(self) -> None:
-        self.names = {limit.name for limit in self.evaluation.expect}
-        self._excess = [0.0] * len(self.evaluation.expect)
-
-    def parts(self, way: float, tracks: Mapping[str, Any], *, is_end: bool, is_due: bool) -> dict[str, float]:
-        """Parts of the reward of a step over `way` [m]. is_due: the limits are judged."""
-        parts = {"driven": way / self.distance_m}
-        if not is_due:
-            return parts
-        metrics = {name: self.evaluation.metrics(name, self.names) for name in self.evaluation.machines}
-        metrics[FIELD] = self.evaluation.metrics(FIELD, self.names) if is_end else {}
-        self.limits = self.evaluation.check(metrics, tracks)
-        for index, entry in enumerate(self.limits):
-            if entry["value"] is None and not is_end:
-                continue  # nothing to judge yet
-            excess = _excess(entry)
-            name = f"{entry['subject']}.{entry['name']}"
-            parts[name] = parts.get(name, 0.0) + self._excess[index] - excess
-            self._excess[index] = excess
-        return parts
-
-
-class Task:
-    """What a policy is given to do, as `Env` explains it: spaces, and worlds in which it drives."""
-
-    def __init__(
-        self,
-        scenario: str,
-        *,
-        sets: Sets = (),
-        machine: str | None = None,
-        period_s: float = 0.1,
-        speed: bool = False,
-        speed_kmh: float = 10.0,
-        limits_s: float = 1.0,
-        code: bool = False,
-        picture: bool = False,
-        scan: bool = False,
-        seeds: Sequence[int] | None = None,
-    ) -> None:
-        self.scenario, self.sets, self.code, self.seeds = scenario, sets, code, seeds
-        for name, value in (("period_s", period_s), ("limits_s", limits_s)):
-            if not value > 0.0:
-                raise InputError(name, value, "expected > 0")
-        if seeds is not None and not len(seeds):
-            raise InputError("seeds", [], "expected at least one")
-        first = load_scenario(scenario, sets=sets, code=code)
-        self.machine = machine or next(iter(first.machines))
-        if self.machine not in first.machines:
-            raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
-        self.period, self.limits_period = round(period_s * NS), round(limits_s * NS)
-        self.with_speed, self.top = speed, speed_kmh * KMH
-        size = np.array([largest for _, largest in OBSERVED], dtype=np.float32)
-        self.values = spaces.Box(-size, size, dtype=np.float32)
-        self.camera = self._first(first, "camera", "picture") if picture else ""
-        self.lidar = self._first(first, "lidar", "scan") if scan else ""
-        seen: dict[str, Any] = {"values": self.values}
-        if picture:
-            seen["picture"] = spaces.Box(0, 255, shape=self._picture_shape(first), dtype=np.uint8)
-        if scan:
-            seen["scan"] = self._scan_space(first)
-        self._has_warned = False
-        self.seen = spaces.Dict(seen) if picture or scan else self.values
-        self.action = spaces.Box(-1.0, 1.0, shape=(2 if speed else 1,), dtype=np.float32)
-
-    def drawn(self, random: np.random.Generator) -> int:
-        """The seed of an episode that was given none."""
-        if self.seeds is None:
-            return int(random.integers(1, 2**31))
-        return int(self.seeds[int(random.integers(len(self.seeds)))])
-
-    def begin(self, seed: int) -> "Driven":
-        """A world in which the policy drives."""
-        world = assemble(load_scenario(self.scenario, sets=self.sets, seed=seed, code=self.code))
-        machine = world.machines[self.machine]
-        geometry = machine.recorded().geometry
-        tightest = tan(geometry.max_steer) / geometry.wheelbase
-        wanted = geometry.header_end(machine.edge_side)[1] if geometry.has_header else 0.0
-        steer = Commanded(SteerCommand, "curvature", is_engaged=True)
-        exchange(world, f"{self.machine}.steer", steer, {})
-        speed = Commanded(SpeedCommand, "speed")
-        if self.with_speed:
-            exchange(world, f"{self.machine}.speed", speed, {})
-        return Driven(seed, world, steer, speed, tightest, self.top, wanted)
-
-    def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """Actions within the space, the first outside it with a warning.
-
-        InputError for what is no finite number, or of another shape.
-        """
-        told, count = np.asarray(actions, dtype=float), shape[-1]
-        if len(shape) == 1:
-            told = told.reshape(-1)
-        if told.shape != shape or not np.isfinite(told).all():
-            each = f" for each of {shape[0]} environments" if len(shape) > 1 else ""
-            expected = f"expected {count} finite number{'s' * (count > 1)}{each}"
-            raise InputError("action", actions, expected)
-        cut: np.ndarray = np.clip(told, -1.0, 1.0)
-        if not self._has_warned and (far := float(np.abs(told - cut).max())) > OUTSIDE:
-            self._has_warned = True
-            logger.warn(
-                f"an action lies {far:.3g} outside its space, -1 to 1, and is cut, as all such from now on: "
-                "gymnasium.wrappers.ClipAction says that this is meant, RescaleAction maps another range"
-            )
-        return cut
-
-    def values_of(self, edge: Samples | None, odometry: Samples | None, wanted: np.ndarray) -> np.ndarray:
-        """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each."""
-        found = np.zeros((len(wanted), len(OBSERVED)))
-        if edge is not None:
-            told = [np.broadcast_to(field_of(edge, name), len(wanted)) for name in OF_EDGE]
-            offset, confidence = told[0], told[3]
-            found[:, : len(OF_EDGE)] = np.transpose([offset - wanted, *told[1:]])
-            found[~((confidence > 0.0) & np.isfinite(offset)), : len(OF_EDGE)] = 0.0
-        if odometry is not None:
-            for k, name in enumerate(OF_ODOMETRY, len(OF_EDGE)):
-                found[:, k] = field_of(odometry, name)
-        seen: np.ndarray = np.clip(np.nan_to_num(found), self.values.low, self.values.high)
-        return seen.astype(np.float32)
-
-    def _first(self, scenario: Scenario, wanted: str, key: str) -> str:
-        """The machine's first slot of a kind. InputError without one."""
-        slots = ((slot, kind_of(slot)) for slot in scenario.machines[self.machine].slots)
-        found = next((slot for slot, kind in slots if kind is not None and kind.name == wanted), None)
-        if found is None:
-            such = f"sets={{'{self.machine}.{wanted}': '{'rays' if wanted == 'camera' else 'empirical'}'}}"
-            raise InputError(key, True, f"expected a machine with a {wanted}, such as {such}")
-        return f"{self.machine}.{found}"
-
-    def _part(self, scenario: Scenario, name: str) -> Any:
-        world = assemble(scenario, only=[name])
-        part = world.machines[self.machine].parts[name.rpartition(".")[2]]
-        world.close()
-        return part
-
-    def _picture_shape(self, scenario: Scenario) -> tuple[int, int, int]:
-        """Height, width, 3. InputError of a camera that has no colours or no size before it has seen."""
-        part = self._part(scenario, self.camera)
-        if not isinstance(part, SceneCamera) or "colour" not in part.params.channels:
-            expected = "expected a camera of level rays or error with the channel colour"
-            raise InputError(self.camera, None, expected)
-        return part.pinhole.height, part.pinhole.width, 3
-
-    def _scan_space(self, scenario: Scenario) -> spaces.Box:
-        """Ranges of the beams. InputError of a scanner that does not say how many it has."""
-        part = self._part(scenario, self.lidar)
-        if not (isinstance(part, HasRange) and hasattr(part, "azimuth")):
-            expected = "expected a scanner of level profile, empirical or plants"
-            raise InputError(self.lidar, None, expected)
-        return spaces.Box(0.0, part.range_limits[1], shape=(len(part.azimuth),), dtype=np.float32)
-
-
-def known_words(of: type, words: Mapping[str, Any], more: Sequence[str] = ()) -> None:
-    """InputError for keywords that neither the class nor `more` has, with the nearest that it has."""
-    known = [p.name for p in inspect.signature(of).parameters.values() if p.kind is p.KEYWORD_ONLY]
-    for name, value in words.items():
-        if name not in (*known, *more):
-            raise InputError(name, value, unknown_key(name, (*known, *more), "unknown keyword"))
-
-
-@dataclass
-class Driven:
-    """A world that a policy drives.
-
-    tightest: curvature of the tightest turn [1/m]; top: speed [m/s]; wanted: as `values_of` has it
-    """
-
-    seed: int
-    world: World
-    steer: Commanded
-    speed: Commanded
-    tightest: float
-    top: float
-    wanted: float
-
-    def tell(self, action: Sequence[float]) -> None:
-        """What holds from now on. action: within the space."""
-        self.steer.value = action[0] * self.tightest
-        if len(action) > 1:
-            self.speed.value = 0.5 * (1.0 + action[1]) * self.top
-
-    def tell_nothing(self) -> None:
-        """What holds before the first action."""
-        self.steer.value = self.speed.value = 0.0
-
-
-def scan_of(ranges: np.ndarray) -> np.ndarray:
-    """A scan as it is observed. ranges: (..., beams, echoes) [m], nan = no echo."""
-    found: np.ndarray = np.nan_to_num(ranges[..., 0], nan=0.0).astype(np.float32)
-    return found
+KEPT = 16  # worlds of earlier episodes that wait for their seed to be drawn again
 
 
 class Env(gymnasium.Env):  # type: ignore[misc]
@@ -350,16 +85,21 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         **unknown: Any,
     ) -> None:
         known_words(Env, unknown)
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError("render_mode", render_mode, "expected rgb_array or None")
-        self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / period_s))}
-        self.task = Task(
-            scenario, sets=sets, machine=machine, period_s=period_s, speed=speed, speed_kmh=speed_kmh,
-            limits_s=limits_s, code=code, picture=picture, scan=scan, seeds=seeds,
+        self._one = VectorEnv(
+            scenario, autoreset_mode="Disabled", render_mode=render_mode, sets=sets, machine=machine,
+            period_s=period_s, speed=speed, speed_kmh=speed_kmh, limits_s=limits_s, code=code,
+            picture=picture, scan=scan, seeds=seeds,
         )  # fmt: skip
+        self._one.most_kept = min(self._one.most_kept, KEPT)
+        self.task, self.render_mode = self._one.task, render_mode
+        self.metadata = {**self.metadata, "render_fps": self._one.metadata["render_fps"]}
         self.observation_space, self.action_space = self.task.seen, self.task.action
-        self.world: World | None = None
+
+    @property
+    def world(self) -> World | None:
+        """That of the present or last episode; None before the first, and once it is closed."""
+        driven = self._one.driven[0]
+        return None if driven is None else driven.world
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -367,17 +107,8 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         """Begin an episode. Returns the observation and what is known of it."""
         super().reset(seed=seed)
         own = self.task.drawn(self.np_random) if seed is None else seed
-        self.close()
-        self._driven = self.task.begin(own)
-        world = self.world = self._driven.world
-        self.evaluation = make_evaluation(world)
-        self._score = Score(self.evaluation, world.scenario.run.distance_m)
-        self._tracks = {
-            name: Tracks(machine.recorded(), TRACK_PERIOD, self.evaluation.columns(name))
-            for name, machine in world.machines.items()
-        }
-        drive(world, [self.evaluation, self._note], until_s=0.0)
-        return self._observation(), {"seed": own}
+        _, infos = self._one.reset(seed=own)
+        return self._one.one(0), taken(infos, 0)
 
     def step(self, action: np.ndarray) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Drive for one period.
@@ -386,80 +117,17 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         number or not one for each axis of the space; what is out of it is cut, the first time with a warning
         of gymnasium.
         """
-        world, task = self._running(), self.task
-        self._driven.tell(task.checked(action, self.action_space.shape).tolist())
-        begin, before = world.graph.t, driven_m(world)
-        drive(world, [self.evaluation, self._note], until_s=(begin + task.period) / NS, resume=True)
-        t = world.graph.t
-        terminated = bool(world.graph.ended) or has_arrived(world)
-        truncated = not terminated and t >= round(world.scenario.run.max_duration_s * NS)
-        is_end = terminated or truncated
-        is_due = is_end or t // task.limits_period > begin // task.limits_period
-        tracks = {name: own.arrays() for name, own in self._tracks.items()} if is_due else {}
-        parts = self._score.parts(driven_m(world) - before, tracks, is_end=is_end, is_due=is_due)
-        info = {"reward": parts, "limits": self._score.limits, "t_s": t / NS, "ended": world.graph.ended}
-        return self._observation(), fsum(parts.values()), terminated, truncated, info
+        told = self.task.checked(action, self.action_space.shape)
+        _, reward, terminated, truncated, infos = self._one.go(told[None])
+        return self._one.one(0), float(reward[0]), bool(terminated[0]), bool(truncated[0]), taken(infos, 0)
 
     def render(self) -> np.ndarray | None:
         """With `rgb_array` 30 m by 30 m around the machine, uint8 (300, 300, 3); None without a render
         mode.
         """
-        if self.render_mode is None:
-            return None
-        from swath.report.field_plot import top_view
-
-        return top_view(self._running(), self.task.machine)
+        pictures = self._one.render()
+        return None if pictures is None else pictures[0]
 
     def close(self) -> None:
         """Close the world."""
-        if self.world is not None:
-            self.world.close()
-            self.world = None
-
-    def _running(self) -> World:
-        if self.world is None:
-            raise InputError("step", None, "expected after reset")
-        return self.world
-
-    def _note(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        own = self._tracks.get(slot.partition(".")[0])  # None of a slot of the field
-        if own is not None:
-            for output, signal in outputs.items():
-                own.take(t, f"{slot}.{output}", signal)
-
-    def _observation(self) -> Seen:
-        graph, task, own = self._running().graph, self.task, self.task.machine
-
-        def newest(slot: str, output: str) -> Samples | None:
-            signal = graph.latest(f"{own}.{slot}", output)
-            return None if signal is None else Samples.joined([signal])
-
-        wanted = np.array([self._driven.wanted])
-        values: np.ndarray = task.values_of(newest("edge", "edge"), newest("odometry", "odometry"), wanted)[0]
-        if task.seen is task.values:
-            return values
-        seen = {"values": values}
-        if task.camera:
-            image: Any = graph.latest(task.camera, "image")
-            shape = task.seen["picture"].shape
-            is_there = image is not None and image.colour.shape == shape
-            seen["picture"] = image.colour.copy() if is_there else np.zeros(shape, np.uint8)
-        if task.lidar:
-            scan: Any = graph.latest(task.lidar, "scan")
-            seen["scan"] = scan_of(scan.ranges)
-        return seen
-
-
-def _excess(entry: Mapping[str, Any]) -> float:
-    """How far a limit is broken: the excess relative to the bound, at most 1; 1 for no value."""
-    if entry["result"] == "pass":
-        return 0.0
-    if entry["value"] is None:
-        return 1.0
-    limit, value = entry["limit"], float(entry["value"])
-    beyond = [
-        (abs(value - bound), abs(bound))
-        for key, bound in limit.items()
-        if key in ("min", "max") and (value < bound if key == "min" else value > bound)
-    ]
-    return max((min(1.0, way / size) if size else 1.0 for way, size in beyond), default=1.0)
+        self._one.close_extras()

@@ -83,7 +83,7 @@ class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 
     struct: a struct or vector type of Warp; array: what the kernel takes; names: of the struct's numbers
-    write: sets all numbers; read: gives all of them
+        write: sets all numbers; read: gives all of them
     """
 
     def __init__(self, struct: Any) -> None:
@@ -119,7 +119,7 @@ class Rows:
         return np.array(self._bytes[world])
 
     def load(self, world: int, state: Any) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._bytes[world] = state
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS
-from swath.environment import Driven, Score, Seen, Task, known_words, scan_of
-from swath.runtime.worlds import Worlds, as_ours, groups_in_step
+from swath.driving_task import Driven, Score, Task, known_words, scan_of
+from swath.runtime.worlds import Worlds, groups_in_step
 
 try:
     import gymnasium
@@ -19,6 +19,9 @@ try:
     from gymnasium.vector.utils import batch_space
 except ImportError as error:
     raise MissingExtra("gym", "swath.VectorEnv") from error
+
+
+Seen = np.ndarray | dict[str, np.ndarray]
 
 
 @dataclass
@@ -48,8 +51,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     autoreset_mode : AutoresetMode or str
         NextStep, SameStep or Disabled of gymnasium. With Disabled, environments that are over give their last
         observation and no reward until `reset`, with `options={"reset_mask": ...}` for some of them.
-    render_mode : None
-        Not offered here.
+    render_mode : str
+        `rgb_array`: `render` gives a picture of each, as `Env.render`.
     **task
         The other keywords of `Env`. With `seeds` worlds whose batch is over are used again, and not built
         anew.
@@ -60,7 +63,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         As `swath.load_scenario`.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}
 
     def __init__(
         self,
@@ -68,31 +71,33 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         *,
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        render_mode: None = None,
+        render_mode: str | None = None,
         **task: Any,
     ) -> None:
         if num_envs < 1:
             raise InputError("num_envs", num_envs, "expected >= 1")
-        if render_mode is not None or task.get("picture"):
-            key, value = ("picture", True) if render_mode is None else ("render_mode", render_mode)
-            raise InputError(key, value, 'expected vectorization_mode="sync" or "async" with it')
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise InputError("render_mode", render_mode, "expected rgb_array or None")
         known_words(Task, task, ("num_envs", "autoreset_mode", "render_mode"))
-        self.task = Task(scenario, **task)
+        self.task, self.render_mode = Task(scenario, **task), render_mode
         modes = [mode.value for mode in AutoresetMode]
         if autoreset_mode not in (*AutoresetMode, *modes):
             raise InputError("autoreset_mode", autoreset_mode, f"expected one of {', '.join(modes)}")
         self.num_envs, self.mode = num_envs, AutoresetMode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.mode}
+        fps = max(1, round(NS / max(self.task.period, 1)))
+        self.metadata = {**self.metadata, "autoreset_mode": self.mode, "render_fps": fps}
         self.single_observation_space, self.single_action_space = self.task.seen, self.task.action
         self.observation_space = batch_space(self.task.seen, num_envs)
         self.action_space = batch_space(self.task.action, num_envs)
-        self._values = np.zeros((num_envs, *self.task.values.shape), np.float32)
-        beams = self.task.seen["scan"].shape if self.task.lidar else (0,)
-        self._scans = np.zeros((num_envs, *beams), np.float32)
+        spaces = {"values": self.task.values} if self.task.seen is self.task.values else self.task.seen
+        self._seen = {name: np.zeros((num_envs, *own.shape), own.dtype) for name, own in spaces.items()}
         self._randoms: list[np.random.Generator | None] = [None] * num_envs
         self._cohorts: list[_Cohort] = []
         self._scores: list[Any] = [None] * num_envs
-        self._spare: dict[int, list[Driven]] = {}
+        self.driven: list[Driven | None] = [None] * num_envs  # worlds of the present or last episodes
+        self._spare: list[Driven] = []
+        seeds = self.task.seeds
+        self.most_kept = 0 if seeds is None else max(num_envs, len(seeds))  # worlds beside those that go
         self._terminated, self._truncated = np.zeros((2, num_envs), np.bool_)
         self._way, self._reward = np.zeros((2, num_envs))
 
@@ -129,10 +134,13 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
     def step(self, actions: Any) -> tuple[Seen, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Drive all for one period, as `Env.step`; environments that were over before begin anew."""
+        return self.go(self.task.checked(actions, self.action_space.shape))
+
+    def go(self, told: np.ndarray) -> tuple[Seen, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """As `step`, with actions that are within the space."""
         over = self._terminated | self._truncated
         if not self._cohorts and not over.any():
             raise InputError("step", None, "expected after reset")
-        told = self.task.checked(actions, self.action_space.shape)
         self._reward[:] = 0.0
         infos: dict[str, Any] = {}
         for cohort in self._cohorts:
@@ -144,17 +152,27 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         ended = np.flatnonzero(terminated | truncated)
         if self.mode is AutoresetMode.SAME_STEP and len(ended):
             for index in ended.tolist():
-                last = {"final_obs": self._one(index), "final_info": _taken(infos, index)}
+                last = {"final_obs": self.one(index), "final_info": taken(infos, index)}
                 infos = self._add_info(infos, last, index)
             self._begin(ended, [None] * self.num_envs, infos)
         return self._observation(), self._reward.copy(), terminated, truncated, infos
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the worlds."""
-        for several in (*(cohort.driven for cohort in self._cohorts), *self._spare.values()):
-            for driven in several:
-                driven.world.close()
-        self._cohorts, self._spare = [], {}
+        for driven in (*(each for cohort in self._cohorts for each in cohort.driven), *self._spare):
+            driven.world.close()
+        self._cohorts, self._spare, self.driven = [], [], [None] * self.num_envs
+        self._terminated[:] = self._truncated[:] = False
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """As `Env.render`, of each."""
+        if self.render_mode is None:
+            return None
+        from swath.report.field_plot import top_view
+
+        if None in self.driven:
+            raise InputError("render", None, "expected after reset")
+        return tuple(top_view(own.world, self.task.machine) for own in self.driven if own is not None)
 
     @property
     def scores(self) -> list[Score]:
@@ -174,9 +192,12 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
             if random is None or seed is not None:
                 random = self._randoms[index] = seeding.np_random(seed)[0]
             own = self.task.drawn(random) if seed is None else seed
-            spare = self._spare.get(own)
-            driven.append(spare.pop() if spare else self.task.begin(own))
+            spare = next((each for each in reversed(self._spare) if each.seed == own), None)
+            if spare is not None:
+                self._spare.remove(spare)
+            driven.append(spare or self.task.begin(own))
             driven[-1].tell_nothing()
+            self.driven[index] = driven[-1]
         for group in groups_in_step([each.world for each in driven]):
             self._join(which[group], [driven[k] for k in group])
         told = np.zeros(self.num_envs, np.int64) if "seed" not in infos else infos["seed"]
@@ -200,15 +221,14 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         self._look(cohort, np.arange(len(which)))
 
     def _retire(self) -> None:
-        """Let go of cohorts that are over; with `seeds` their worlds are kept."""
-        for cohort in self._cohorts:
-            if not cohort.worlds.lockstep.going:
-                for driven in cohort.driven:
-                    if self.task.seeds is None:
-                        driven.world.close()
-                        driven.world.graph.let_go()
-                    else:
-                        self._spare.setdefault(driven.seed, []).append(driven)
+        """Let go of cohorts that are over; with `seeds` the newest of their worlds are kept."""
+        over = [cohort for cohort in self._cohorts if not cohort.worlds.lockstep.going]
+        self._spare += (driven for cohort in over for driven in cohort.driven)
+        count = max(len(self._spare) - self.most_kept, 0)
+        for driven in self._spare[:count]:
+            driven.world.close()
+            driven.world.graph.let_go()
+        del self._spare[:count]
         self._cohorts = [cohort for cohort in self._cohorts if cohort.worlds.lockstep.going]
 
     def _drive(self, cohort: _Cohort, told: np.ndarray, infos: dict[str, Any]) -> None:
@@ -220,7 +240,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         until = min(begin + self.task.period, latest)
         for ending in worlds.advance(until):
             if lockstep.errors:
-                raise as_ours(next(iter(lockstep.errors.values())))
+                raise next(iter(lockstep.errors.values()))
             self._settle(cohort, np.array(ending), begin, is_end=True, infos=infos)
             self._terminated[cohort.members[ending]] = True
         if lockstep.going:
@@ -233,7 +253,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
     def _settle(
         self, cohort: _Cohort, which: np.ndarray, begin: int, *, is_end: bool, infos: dict[str, Any]
     ) -> None:
-        """Observation, reward and what is told of worlds of a cohort, at the end of their step."""
+        """Observation, reward and what is reported of worlds of a cohort, at the end of their step."""
         self._look(cohort, which)
         worlds, members, period = cohort.worlds, cohort.members[which], self.task.limits_period
         way, before = np.array(worlds.driven())[which], self._way[members]
@@ -259,23 +279,28 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
     def _look(self, cohort: _Cohort, which: np.ndarray) -> None:
         """Note what worlds of a cohort see."""
-        task, worlds, members = self.task, cohort.worlds, cohort.members[which]
-        newest = worlds.lockstep.newest
+        task, members, seen = self.task, cohort.members[which], self._seen
+        newest = cohort.worlds.lockstep.newest
         told = (newest((f"{task.machine}.{name}", name)) for name in ("edge", "odometry"))
         edge, odometry = (None if sent is None else sent.all for sent in told)
-        self._values[members] = task.values_of(edge, odometry, cohort.wanted)[which]
+        seen["values"][members] = task.values_of(edge, odometry, cohort.wanted)[which]
         if task.lidar and (scan := newest((task.lidar, "scan"))) is not None:
-            self._scans[members] = scan_of(scan.all.arrays["ranges"][which])
+            seen["scan"][members] = scan_of(scan.all.arrays["ranges"][which])
+        if task.camera:
+            sent, pictures = newest((task.camera, "image")), seen["picture"]
+            for world, place in zip(which.tolist(), members.tolist(), strict=True):
+                colour = None if sent is None else sent.of(world).colour
+                is_there = colour is not None and colour.shape == pictures.shape[1:]
+                pictures[place] = colour if is_there else 0
 
-    def _one(self, index: int) -> Seen:
+    def one(self, index: int) -> Seen:
         """The observation of one environment."""
-        values: np.ndarray = self._values[index].copy()
-        return {"values": values, "scan": self._scans[index].copy()} if self.task.lidar else values
+        seen = {name: array[index].copy() for name, array in self._seen.items()}
+        return seen if len(seen) > 1 else seen["values"]
 
     def _observation(self) -> Seen:
-        if not self.task.lidar:
-            return self._values.copy()
-        return {"values": self._values.copy(), "scan": self._scans.copy()}
+        seen = {name: array.copy() for name, array in self._seen.items()}
+        return seen if len(seen) > 1 else seen["values"]
 
     def _tell(self, infos: dict[str, Any], name: str, which: np.ndarray, values: Any, kind: type) -> None:
         if name not in infos:
@@ -284,19 +309,19 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         infos[f"_{name}"] = self._mask(infos, name, which)
 
     def _mask(self, infos: Mapping[str, Any], name: str, which: np.ndarray) -> np.ndarray:
-        """Of which environments something is told."""
+        """Of which environments something is reported."""
         mask: np.ndarray = infos.get(f"_{name}", np.zeros(self.num_envs, np.bool_))
         mask[which] = True
         return mask
 
 
-def _taken(infos: dict[str, Any], index: int) -> dict[str, Any]:
-    """What is told of one environment, as `Env` tells it, taken out of what is told of all."""
+def taken(infos: dict[str, Any], index: int) -> dict[str, Any]:
+    """What is reported of one environment, as `Env` gives it, taken out of what is reported of all."""
     found: dict[str, Any] = {}
     for name in [name for name in infos if f"_{name}" in infos and infos[f"_{name}"][index]]:
         value, mask = infos[name], infos[f"_{name}"]
         if isinstance(value, dict):
-            found[name] = _taken(value, index)
+            found[name] = taken(value, index)
         else:
             found[name] = value[index].item() if isinstance(value[index], np.generic) else value[index]
             value[index] = None if value.dtype == object else 0

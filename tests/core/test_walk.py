@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import swath.compiled
+from swath.core.graph import Lockstep
 from swath.core.ops import Source
-from swath.core.rows import Row, Trail, can_be_row, row_of
+from swath.core.rows import Room, Row, Trail, can_be_row, row_like, row_of
 from swath.core.together import Samples
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
+from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.runtime.worlds import drive_together
 from swath.scenario.scenario import load_scenario
@@ -112,6 +114,63 @@ def test_a_row_is_its_samples():
     again = row_of(MachineState, 3)
     again.take(Samples.joined(row.each()))
     assert (again.memory.tobytes(), again.t) == (row.memory.tobytes(), 7)
+
+
+def scans(count, worlds, seed=3):
+    draw = np.random.default_rng(seed)
+    angles = np.linspace(-1, 1, count)
+    angles.setflags(write=False)
+    values = [draw.normal(size=(2, count, 1)).astype(np.float32) for _ in range(worlds)]
+    return [Scan(5, angles, angles, angles, ranges, intensity) for ranges, intensity in values]
+
+
+def test_a_row_of_arrays_is_its_samples():
+    """Of drawn sizes, from signals and from samples, with room behind; a copy stays as it is."""
+    for count, worlds, room in ((1, 1, 16), (7, 3, 0), (33, 2, 48)):
+        each = scans(count, worlds)
+        form = Room((count, 1), room)
+        alike = dict.fromkeys(("beam_t", "azimuth", "elevation"), each[0].azimuth)
+        row = row_of(Scan, worlds, rooms={"ranges": form, "intensity": form}, alike=alike)
+        row.take(Samples.joined(each))
+        row.roomy("ranges", max(room, count))[:, count:] = 9.0  # as compiled code may
+        kept = row.copy()
+        like = row_like(each[0], worlds)
+        for world, sample in enumerate(each):
+            like.put(world, sample)
+        for found in (row, kept, like):
+            for sample, made in zip(each, found.each(), strict=True):
+                np.testing.assert_array_equal(made.ranges, sample.ranges)
+                np.testing.assert_array_equal(made.intensity, sample.intensity)
+                np.testing.assert_array_equal(made.azimuth, sample.azimuth)
+        row.arrays["ranges"][:] = 0.0
+        assert kept.of(worlds - 1).ranges[0, 0] == each[-1].ranges[0, 0]
+        assert row.fits(each[0])
+        assert not row.fits(scans(count + 1, 1)[0])
+
+
+def test_a_walk_goes_on_where_nobody_looks(monkeypatch):
+    """Python steps at the ticks of what somebody looks at, 50 a second of 200, and at no other."""
+    steps = []
+    whole = Lockstep._step_all
+    monkeypatch.setattr(Lockstep, "_step_all", lambda *given: [steps.append(1), whole(*given)])
+    world = world_of(SETS["kinematic"])
+    drive(world, [make_evaluation(world), Digest()])
+    assert len(steps) < 0.3 * 200 * world.graph.t / NS
+
+
+def test_the_field_of_a_world_that_has_ended_is_cut_no_more():
+    sets = "combine.lidar.level=empirical", "combine.edge.level=otsu"
+    square = [[-15.0, -15.0], [15.0, -15.0], [15.0, 15.0], [-15.0, 15.0]]
+
+    def left_of(worlds):
+        list(drive_together(worlds))
+        x, y = worlds[0].graph.latest("combine.motion", "state").pose.position[:2]
+        return [world.field.standing_area([[x + a, y + b] for a, b in square]) for world in worlds]
+
+    (alone,) = left_of([world_of(sets, "run.distance_m=1.5")])
+    first, second = left_of([world_of(sets, f"run.distance_m={m}") for m in (1.5, 3.5)])
+    assert first == alone
+    assert second < first
 
 
 def test_what_cannot_be_a_row():

@@ -110,7 +110,7 @@ def test_2014_positions_that_jump_are_no_second_machine(west):
     """3,932 records lie far from the others, in blocks and one by one; they do not alternate with them."""
     report, _ = west
     assert len(report.machines) == 1
-    assert not any("machines told apart" in note for note in report.notes)
+    assert not any("machines distinguished" in note for note in report.notes)
 
 
 def test_2014_heights_drift_between_passes_and_are_levelled(west):

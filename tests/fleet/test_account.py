@@ -182,3 +182,15 @@ def test_a_browser_plays_it(done, tmp_path: Path):
     assert float(bar.rstrip("%")) > 0.0
     assert scale >= 4.0
     assert later > 0.5 * (begin + end)
+
+
+@pytest.mark.parametrize(("times", "is_told"), [(1.9, False), (2.5, True)])
+def test_a_job_far_over_its_bound_says_what_waits_longest(times, is_told, done):
+    w = done["events"]
+    w = replace(w, schedule=replace(w.schedule, bound=w.ends / times))
+    notes = [note for note in checked(w) if "as long as the least" in note]
+    assert len(notes) == is_told
+    if is_told:
+        longest = max((minutes, name) for name in w.spans for minutes in w.waited(name).values())
+        assert f"{times} times" in notes[0]
+        assert f"the longest wait: {longest[1]}, {longest[0]:.0f} min" in notes[0]

@@ -1,7 +1,6 @@
 """Whole jobs that were drawn: they end, nothing touches, no grain is lost; however the field lies."""
 
 import json
-import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -11,11 +10,12 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.fleet.command import FILES
 from swath.fleet.driven import _Mover, driven
-from swath.fleet.files import FieldSettings, FleetSettings, read_job
+from swath.fleet.files import FleetSettings, read_job
 from swath.fleet.ground import shapely_here
 from swath.fleet.report import write_result
 from swath.fleet.schedule import schedule_of
 from swath.fleet.worked import by_events
+from tests.fleet.changed import mirrored, turned
 from tests.fleet.check import looked_at
 from tests.fleet.drawn import drawn_job
 
@@ -76,8 +76,11 @@ def test_who_breaks_down_on_the_way_delays_others_and_touches_nobody(late, sched
 
 
 def test_a_result_holds_the_timeline_and_why_machines_waited(schedules, tmp_path):
-    worked = by_events(schedules[130])
+    worked = by_events(replace(schedules[130], bound=schedules[130].ends / 1.25))
     write_result(worked, "drawn", "a drawn job", tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.index("(gap 25 %)") < page.index('href="replay.html"') < page.index("<section")
+    assert all(f"<code>{name}</code>" in page for name in worked.spans)
     result = json.loads((tmp_path / "out" / "results.json").read_text())
     assert {p.name for p in (tmp_path / "out").iterdir()} == set(FILES) - {"draws.json"}
     times = result["machines"]["combine_1"]["times_s"]
@@ -116,40 +119,13 @@ def test_outlines_of_a_file_come_with_all_polygons_and_holes(tmp_path):
 
 @pytest.mark.parametrize("angle", [17.0, 31.0, 73.0, 180.0])
 def test_a_field_that_is_turned_and_moved_takes_the_same_time(angle, schedules):
-    job = drawn_job(131, SMALL)
-    a = math.radians(angle)
-
-    def placed(points):
-        c, s = math.cos(a), math.sin(a)
-        return [(c * x - s * y + 5000.0, s * x + c * y) for x, y in points]
-
-    ((x, y),) = placed([(job.truck.x_m, job.truck.y_m)])
-    field = FieldSettings(
-        placed(job.field.boundary_m), [placed(h) for h in job.field.holes_m],
-        [placed(p) for p in job.field.parts_m], job.field.around_m, job.field.yield_t_ha,
-    )  # fmt: skip
-    turned = replace(job, field=field, truck=replace(job.truck, x_m=x, y_m=y))
-    made = schedule_of(turned)
+    made = schedule_of(turned(drawn_job(131, SMALL), angle, 5000.0))
     assert made.ends == pytest.approx(schedules[131].ends, rel=0.002)
     assert driven(made).ends == pytest.approx(driven(schedules[131]).ends, rel=0.002)
 
 
 def test_a_field_that_is_mirrored_with_its_pipes_takes_the_same_time(schedules):
-    job = drawn_job(131, SMALL)
-
-    def mirrored(points):
-        return [(x, -y) for x, y in points]
-
-    field = replace(
-        job.field, boundary_m=mirrored(job.field.boundary_m),
-        holes_m=[mirrored(h) for h in job.field.holes_m], parts_m=[mirrored(p) for p in job.field.parts_m],
-    )  # fmt: skip
-    other = replace(
-        job, field=field, truck=replace(job.truck, y_m=-job.truck.y_m),
-        plan=replace(job.plan, headland="counterclockwise"),
-        combines={name: replace(c, pipe="right") for name, c in job.combines.items()},
-    )  # fmt: skip
-    made = schedule_of(other)
+    made = schedule_of(mirrored(drawn_job(131, SMALL)))
     one, two = driven(schedules[131]), driven(made)
     assert made.ends == pytest.approx(schedules[131].ends, rel=0.002)
     assert two.ends == pytest.approx(one.ends, rel=0.002)

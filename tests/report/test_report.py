@@ -132,7 +132,7 @@ def test_a_summary_without_anything_makes_a_page():
 def test_a_limit_on_samples_and_an_incident_have_their_rows(run):
     text = run[0].read_text(encoding="utf-8")
     assert "max 1 always" in text
-    assert "from_<wbr>m 10" in text
+    assert "from_m 10" in text
     event = {"t_s": 3.2, "kind": "gap", "machine": "combine", "x_m": 1.0, "y_m": 2.0, "distance_m": 6.4}
     event |= {"end_t_s": 5.2, "end_distance_m": 10.4, "text": "passes a gap"}
     assert "passes a gap, lasts 2.0 s" in render({"incidents": [event]}, "", [])

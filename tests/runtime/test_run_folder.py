@@ -19,6 +19,7 @@ from swath.core.whole_file import NamedFile, write_whole
 from swath.record import mcap_file
 from swath.record.mcap_file import McapFile
 from swath.report.report import ReportWriter
+from swath.runtime import job
 from swath.runtime.folder import choose_run_folder, occupied, run_name
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
@@ -64,6 +65,31 @@ def test_both_signals_leave_a_summary_that_says_incomplete(tmp_path, number, kin
     assert signal.getsignal(number) is before
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["incomplete"] is True
     assert not (tmp_path / "run" / LOCK).exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["write_whole", "Recorder", "Interventions", "make_evaluation", "_progress_bar", "drive"]
+)
+def test_a_stop_while_a_run_begins_leaves_a_summary_too(monkeypatch, tmp_path, name):
+    """From the folder on, before and after each of what is made there."""
+    made = getattr(job, name)
+
+    for is_after in (False, True):
+
+        def stopped(*args, is_after=is_after, **kwargs):
+            if not is_after:
+                signal.raise_signal(signal.SIGTERM)
+            found = made(*args, **kwargs)
+            if is_after:
+                signal.raise_signal(signal.SIGTERM)
+            return found
+
+        monkeypatch.setattr(job, name, stopped)
+        folder = tmp_path / f"run {is_after}"
+        with pytest.raises(Terminated):
+            run_job(scenario(SHORT), folder, hooks=[ReportWriter()])
+        assert json.loads((folder / "summary.json").read_text())["incomplete"] is True
+        assert not (folder / LOCK).exists()
 
 
 class Finalized:

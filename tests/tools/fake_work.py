@@ -15,6 +15,11 @@ def fake_work(run, fields):
     return {**no_result(run, ""), "verdict": "pass", "metrics": {"distance_m": 6.0}, "digest": "d"}
 
 
+def fake_works(runs, fields):
+    """Those of some at once."""
+    return [fake_work(run, fields) for run in runs]
+
+
 def begin_fake():
     """For workers: ten times the job."""
     return lambda job: 10 * job

@@ -15,7 +15,7 @@ from swath.tools.function_test.cluster import cluster_client, run_on_cluster
 from swath.tools.function_test.journal import finished, results_of, write_table
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.pool import run_all
-from tests.tools.fake_work import fake_work
+from tests.tools.fake_work import fake_works
 
 CASE = """
 format: swath test case 1
@@ -52,7 +52,7 @@ def test_a_killed_worker_loses_no_run_and_changes_no_byte(tmp_path, monkeypatch)
             if len(done) == 4:
                 os.kill(pids[0], signal.SIGKILL)
 
-        run_on_cluster(runs, tmp_path / "journal", client, kill_once, work=fake_work)
+        run_on_cluster(runs, tmp_path / "journal", client, kill_once, work=fake_works)
     assert sorted(result["id"] for result in done) == sorted(run.id for run in runs)
     assert finished(tmp_path / "journal") == {run.id for run in runs}
     (error,) = [result for result in done if result["verdict"] == "error"]
@@ -65,7 +65,7 @@ def test_a_killed_worker_loses_no_run_and_changes_no_byte(tmp_path, monkeypatch)
         pool / "journal",
         2,
         lambda result: None,
-        work=fake_work,
+        work=fake_works,
     )
     rest = [run for run in runs if run.id != runs[9].id]
     assert table_of(tmp_path, rest) == table_of(pool, rest)

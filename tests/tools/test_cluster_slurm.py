@@ -13,7 +13,7 @@ from swath.core.errors import InputError
 from swath.tools.function_test.cluster import cluster_client, run_on_cluster, slurm_cluster_class
 from swath.tools.function_test.journal import finished
 from swath.tools.function_test.plan import Plan
-from tests.tools.fake_work import fake_work
+from tests.tools.fake_work import fake_works
 from tests.tools.test_cluster import CASE
 
 SETTINGS = {
@@ -65,7 +65,7 @@ def test_jobs_have_the_settings_of_the_site_and_do_the_runs(slurm, tmp_path, mon
         assert len(keys) == 3
         assert {path.stat().st_mode & 0o777 for path in keys} == {0o600}
         address = client.scheduler.address
-        run_on_cluster(runs, tmp_path / "journal", client, done.append, work=fake_work)
+        run_on_cluster(runs, tmp_path / "journal", client, done.append, work=fake_works)
     assert sorted(result["id"] for result in done) == sorted(run.id for run in runs)
     assert finished(tmp_path / "journal") == {run.id for run in runs}
 

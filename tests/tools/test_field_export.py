@@ -15,12 +15,12 @@ from PIL import Image
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.field.memory_layout import Organ
-from swath.report.stand3d import Organs
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.tools.field_export.export import Wanted, export
 from swath.tools.field_export.scene import body_corners, plants_near, surface_of
+from swath.tools.scan.stand3d import Organs
 
 trimesh = pytest.importorskip("trimesh", reason="extra mesh")
 SIDE, RADIUS = 40.0, 1.5

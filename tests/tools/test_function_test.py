@@ -26,7 +26,7 @@ from swath.tools.function_test.pool import run_all
 from swath.tools.function_test.ranking import HEAD, Measured, by_tag, ranking
 from swath.tools.function_test.session import begin, open_session
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
-from tests.tools.fake_work import fake_work
+from tests.tools.fake_work import fake_works
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
 
@@ -217,7 +217,7 @@ def test_a_run_that_kills_its_worker_is_named_and_costs_no_other(case_file, tmp_
     runs = list(Plan(str(case_file), seeds=6).runs())
     monkeypatch.setenv("FAKE_WORK_KILLS", runs[3].id)
     done = []
-    run_all(runs, tmp_path / "journal", 2, done.append, work=fake_work)
+    run_all(runs, tmp_path / "journal", 2, done.append, work=fake_works)
     assert sorted(r["id"] for r in done) == sorted(r.id for r in runs)
     (error,) = [r for r in done if r["verdict"] == "error"]
     assert error["id"] == runs[3].id
@@ -323,7 +323,7 @@ def test_runs_are_done_gone_on_with_and_made_again(case_file, tmp_path, capsys):
 
 def test_shares_of_a_plan_come_to_the_whole(case_file, tmp_path, monkeypatch):
     session = begin(tmp_path / "out", Plan(str(case_file), seeds=3))
-    monkeypatch.setattr("swath.tools.function_test.session.do_run", fake_work)
+    monkeypatch.setattr("swath.tools.function_test.session.results_in", fake_works)
     for share in (1, 2, 3):
         open_session(tmp_path / "out").do_share(share, 3, lambda result: None)
     assert list(session.left()) == []

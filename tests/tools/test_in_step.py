@@ -6,9 +6,9 @@ import pytest
 
 from swath.commands.main import main
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.in_step import TOGETHER, in_chunks, results_in
+from swath.tools.function_test.in_step import TOGETHER, in_chunks
 from swath.tools.function_test.journal import read_journals, write_table
-from swath.tools.function_test.one_run import do_run
+from swath.tools.function_test.one_run import do_run, results_in
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.pool import run_all
 from swath.tools.function_test.session import begin
@@ -71,15 +71,17 @@ def line(result):
     return json.dumps(told(result), sort_keys=True)
 
 
-def both(runs):
+def both(runs, monkeypatch):
     """Lines of runs in step and one by one, by name."""
     assert [len(chunk) for chunk in in_chunks(runs, 1)] == [len(runs)]
     one_by_one = {run.id: line(do_run(run, KeptFields())) for run in runs}
-    in_step = {result["id"]: line(result) for result in results_in(tuple(runs), KeptFields(), _refused)}
+    with monkeypatch.context() as patch:
+        patch.setattr("swath.tools.function_test.one_run.run_unrecorded", _refused)
+        in_step = {result["id"]: line(result) for result in results_in(runs, KeptFields())}
     return in_step, one_by_one
 
 
-def _refused(run, fields):
+def _refused(scenario, fields, *, hooks):
     raise AssertionError("this run went alone")
 
 
@@ -94,27 +96,29 @@ def _refused(run, fields):
     ],
     ids=["passes", "fails", "nothing measured", "a part of the way", "what was met"],
 )
-def test_in_step_a_line_is_what_it_is_alone(case_file, change, verdicts):
+def test_in_step_a_line_is_what_it_is_alone(case_file, monkeypatch, change, verdicts):
     text = case_file.read_text(encoding="utf-8")
     if change.startswith("expect"):
         text = text.replace(text[text.index("expect") :], change)
     elif change:
         text += change
     case_file.write_text(text, encoding="utf-8")
-    in_step, one_by_one = both(list(Plan(str(case_file)).runs()))
+    in_step, one_by_one = both(list(Plan(str(case_file)).runs()), monkeypatch)
     assert in_step == one_by_one
     if verdicts:
         assert {json.loads(told)["verdict"] for told in in_step.values()} == verdicts
 
 
-def test_detectors_in_shadow_go_along_in_step(case_file):
+def test_detectors_in_shadow_go_along_in_step(case_file, monkeypatch):
     candidates = {"seven": ["combine.edge.min_step_m=0.2"], "nine": ["combine.edge.min_step_m=0.3"]}
-    in_step, one_by_one = both(list(Plan(str(case_file), candidates=candidates, shadow=True).runs()))
+    in_step, one_by_one = both(
+        list(Plan(str(case_file), candidates=candidates, shadow=True).runs()), monkeypatch
+    )
     assert in_step == one_by_one
     assert set(json.loads(next(iter(in_step.values())))["shadow"]) == {"nine"}
 
 
-def test_runs_of_other_machines_sensors_and_rates_go_together_and_stay_what_they_are(case_file):
+def test_runs_of_other_machines_sensors_and_rates_go_together_and_stay_what_they_are(case_file, monkeypatch):
     text = case_file.read_text(encoding="utf-8")
     varied = [
         "rate: {key: combine.lidar.rate_hz, at: [25, 50]}",
@@ -126,7 +130,7 @@ def test_runs_of_other_machines_sensors_and_rates_go_together_and_stay_what_they
     for vary in varied:
         own = "vary:\n  " + vary + "\nseeds: 1" + text.partition("seeds: 2")[2]
         case_file.write_text(text.partition("vary:")[0] + own, encoding="utf-8")
-        in_step, one_by_one = both(list(Plan(str(case_file)).runs()))
+        in_step, one_by_one = both(list(Plan(str(case_file)).runs()), monkeypatch)
         assert in_step == one_by_one, vary
 
 

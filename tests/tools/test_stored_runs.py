@@ -14,7 +14,7 @@ from swath.tools.function_test.command import finish
 from swath.tools.function_test.journal import Journal
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import begin, check_version, open_session
-from tests.tools.fake_work import fake_work
+from tests.tools.fake_work import fake_work, fake_works
 
 CASE = """
 format: swath test case 1
@@ -41,7 +41,7 @@ def made(tmp_path, monkeypatch):
     """A case with a detector of one's own, and a way to do some of its runs."""
     (tmp_path / "case.yaml").write_text(CASE, encoding="utf-8")
     (tmp_path / "my.py").write_text(DETECTOR % 0, encoding="utf-8")
-    monkeypatch.setattr("swath.tools.function_test.session.do_run", fake_work)
+    monkeypatch.setattr("swath.tools.function_test.session.results_in", fake_works)
     return tmp_path
 
 

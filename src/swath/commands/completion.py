@@ -3,6 +3,8 @@
 import argparse
 from typing import Any
 
+from swath.terminal.options import option
+
 SHELLS = ("bash", "zsh", "tcsh")
 
 
@@ -11,18 +13,16 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "completion", help="print a script that completes swath in a shell", description=_DESCRIPTION
     )
-    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=f"one of {', '.join(SHELLS)}")
+    option(parser, "shell SHELL", f"one of {', '.join(SHELLS)}", choices=SHELLS)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the script."""
-    from swath.core.errors import MissingExtra
+    from swath.core.errors import Extra
 
-    try:
+    with Extra("shell", "swath completion"):
         import shtab
-    except ImportError as error:
-        raise MissingExtra("shell", "swath completion") from error
     print(shtab.complete(args.parser, args.shell))
     return 0
 

@@ -4,6 +4,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 NOT_PAGES = ("figures", "make", "static")
 
 
@@ -12,9 +14,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "docs", help="list the pages of the documentation; print one", description=_DESCRIPTION
     )
-    parser.add_argument(
-        "page", metavar="PAGE", nargs="?", help="page to print, such as levels or tutorials/first-run"
-    )
+    option(parser, "page PAGE", "page to print, such as levels or tutorials/first-run", nargs="?")
     parser.set_defaults(run=run)
 
 

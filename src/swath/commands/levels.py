@@ -4,13 +4,14 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from swath.terminal.options import option
 from swath.terminal.tables import add_json, as_json, say, table
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("levels", help="list every slot with its levels; explain one slot")
-    parser.add_argument("slot", nargs="?", metavar="SLOT", help="explain its levels, ports and parameters")
+    option(parser, "slot SLOT", "explain its levels, ports and parameters", nargs="?")
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -40,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
     ]
     if args.json:
         keys = ("slot", "level", "is_default", "summary", "cost", "tolerance")
-        told = [[asdict(own) for own in checked.get((kind, name), ())] for kind, name, *_ in rows]
-        whole = [(*row, own, _keys(row[0], row[1])) for row, own in zip(rows, told, strict=True)]
+        ranges_of = [[asdict(own) for own in checked.get((kind, name), ())] for kind, name, *_ in rows]
+        whole = [(*row, own, _keys(row[0], row[1])) for row, own in zip(rows, ranges_of, strict=True)]
         as_json((*keys, "checked", "parameters"), whole)
     elif args.slot:
         columns = ("level", "what it is", "cost", "checked, tolerance")

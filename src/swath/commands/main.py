@@ -37,6 +37,7 @@ from swath.link.fmi import command as fmu
 from swath.link.osi import command as osi
 from swath.link.ros2 import command as ros2
 from swath.link.ros2.middleware import networked
+from swath.terminal.options import option
 from swath.tools.branch import command as branch
 from swath.tools.calibrate import command as calibrate
 from swath.tools.compare_log import command as compare
@@ -240,8 +241,8 @@ def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[st
         [*shown, "swath COMMAND --help explains a command, swath docs lists the documentation."]
     )
     for each in subcommands(parser):
-        each.add_argument("--allow-code", action="store_true", help=ALLOW_CODE)
-        each.add_argument("--allow-address", action="append", metavar="ADDRESS", help=ALLOW_ADDRESS)
+        option(each, "--allow-code", ALLOW_CODE)
+        option(each, "--allow-address ADDRESS", ALLOW_ADDRESS, action="append")
         each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2
     parser.set_defaults(parser=parser)
     return parser, list(parsers.choices)

@@ -3,13 +3,14 @@
 import argparse
 from typing import Any
 
+from swath.terminal.options import option
 from swath.terminal.tables import add_json, as_json, say, table
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("metrics", help="list the metrics that limits can be set on, or explain one")
-    parser.add_argument("name", nargs="?", metavar="NAME", help="only this metric")
+    option(parser, "name NAME", "only this metric", nargs="?")
     add_json(parser)
     parser.set_defaults(run=run)
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 @dataclass(frozen=True)
 class Template:
@@ -77,10 +79,8 @@ def add(parsers: Any) -> None:
     )
     kinds = "; ".join(f"{kind}: {template.what}" for kind, template in TEMPLATES.items())
     help_ = f"{kinds}; examples: a folder with all examples"
-    parser.add_argument("kind", metavar="KIND", choices=[*TEMPLATES, "examples"], help=help_)
-    parser.add_argument(
-        "file", metavar="FILE", nargs="?", type=Path, help="where to write (default: its name)"
-    )
+    option(parser, "kind KIND", help_, choices=[*TEMPLATES, "examples"])
+    option(parser, "file FILE", "where to write (default: its name)", nargs="?", type=Path)
     parser.set_defaults(run=run)
 
 

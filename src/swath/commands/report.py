@@ -4,11 +4,13 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("report", help="draw the report of a run again", description=_DESCRIPTION)
-    parser.add_argument("source", type=Path, metavar="RUN", help="a run folder")
+    option(parser, "source RUN", "a run folder", type=Path)
     parser.set_defaults(run=run)
 
 

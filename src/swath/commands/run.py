@@ -9,82 +9,68 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from swath.terminal.options import add_allow, add_replace, add_ros2_network, add_scenario_options, load
+from swath.terminal.options import (
+    add_allow,
+    add_replace,
+    add_ros2_network,
+    add_scenario_options,
+    load,
+    option,
+)
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("run", help="run a scenario, write a run folder", description=_DESCRIPTION)
-    parser.add_argument(
-        "scenario", metavar="NAME|FILE", help="a bundled scenario, a YAML file, or a run folder"
-    )
+    option(parser, "scenario NAME|FILE", "a bundled scenario, a YAML file, or a run folder")
     add_scenario_options(parser)
     add_replace(parser)
-    parser.add_argument(
-        "--real-time", action="store_true", help="at the pace of real time (section realtime)"
-    )
-    parser.add_argument(
-        "--device",
-        action="append",
-        default=[],
+    option(parser, "--real-time", "at the pace of real time (section realtime)")
+    option(
+        parser,
+        "--device SLOT=ADDRESS",
+        "serve a slot as a device, e.g. lidar=lms://127.0.0.1:2111; several times",
+        [],
         dest="devices",
-        metavar="SLOT=ADDRESS",
-        help="serve a slot as a device, e.g. lidar=lms://127.0.0.1:2111; several times",
     )
-    parser.add_argument(
-        "--ros2", action="store_true", help="publish everything as ROS 2 topics, offer services (extra ros2)"
-    )
+    option(parser, "--ros2", "publish everything as ROS 2 topics, offer services (extra ros2)")
     add_ros2_network(parser)
-    parser.add_argument(
-        "--isobus",
+    option(
+        parser,
+        "--isobus INTERFACE:CHANNEL",
+        "the machine as a node of a CAN bus: engine, speeds, header, task controller client (extra can)",
         nargs="?",
         const="",
-        metavar="INTERFACE:CHANNEL",
-        help="the machine as a node of a CAN bus: engine, speeds, header, task controller client (extra can)",
     )
-    parser.add_argument(
-        "--view",
-        action="store_true",
-        help="serve a page to watch and control the run, on this machine alone (extra view)",
-    )
-    parser.add_argument(
-        "--foxglove",
+    option(parser, "--view", "serve a page to watch and control the run, on this machine alone (extra view)")
+    option(
+        parser,
+        "--foxglove HOST:PORT",
+        "serve everything to Foxglove over a WebSocket, on this machine alone (extra foxglove)",
         nargs="?",
         const="127.0.0.1:8765",
-        metavar="HOST:PORT",
-        help="serve everything to Foxglove over a WebSocket, on this machine alone (extra foxglove)",
     )
-    parser.add_argument(
-        "--paused",
-        action="store_true",
-        help="with --ros2 or --view: wait at the start for ~/pause or the page",
-    )
-    parser.add_argument(
-        "--events",
+    option(parser, "--paused", "with --ros2 or --view: wait at the start for ~/pause or the page")
+    option(
+        parser,
+        "--events RUN",
+        "repeat the changes made while an earlier run was driven (its folder)",
         type=Path,
-        metavar="RUN",
-        help="repeat the changes made while an earlier run was driven (its folder)",
     )
     add_allow(parser)
-    parser.add_argument(
-        "--field-state",
-        metavar="FILE",
-        help="start on the field as a run left it (key field.state_file)",
-    )
-    parser.add_argument(
-        "--save-field", type=Path, metavar="FILE", help="write the state of the field after the run, a .npz"
-    )
-    parser.add_argument(
-        "--save-every-s",
+    option(parser, "--field-state FILE", "start on the field as a run left it (key field.state_file)")
+    option(parser, "--save-field FILE", "write the state of the field after the run, a .npz", type=Path)
+    option(
+        parser,
+        "--save-every-s S",
+        "save the world every S simulated seconds, for swath branch (default: 0 = never; with --view 5)",
         type=float,
-        metavar="S",
-        help="save the world every S simulated seconds, for swath branch (default: 0 = never; with --view 5)",
     )
-    parser.add_argument("--defaults", action="store_true", help="print all default values in use")
+    option(parser, "--defaults", "print all default values in use")
     parser.add_argument("--no-defaults", action="store_true", help=argparse.SUPPRESS)  # of version 0.1
-    parser.add_argument("--no-report", action="store_true", help="do not write report.html")
-    parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
+    option(parser, "--no-report", "do not write report.html")
+    option(parser, "--no-replay", "do not write replay.html")
+    option(parser, "--quiet", "print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
 

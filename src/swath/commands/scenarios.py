@@ -3,13 +3,14 @@
 import argparse
 from typing import Any
 
+from swath.terminal.options import option
 from swath.terminal.tables import add_json, as_json, say, table
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("scenarios", help="list the bundled scenarios; print one")
-    parser.add_argument("name", nargs="?", metavar="NAME", help="print this scenario, to make your own of it")
+    option(parser, "name NAME", "print this scenario, to make your own of it", nargs="?")
     add_json(parser)
     parser.set_defaults(run=run)
 

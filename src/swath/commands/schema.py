@@ -5,18 +5,14 @@ import json
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("schema", help="JSON Schema of scenario and job files, for editors")
-    parser.add_argument(
-        "kind",
-        nargs="?",
-        choices=("scenario", "job"),
-        default="scenario",
-        help="kind of file (default scenario)",
-    )
-    parser.add_argument("--out", type=Path, metavar="F", help="file to write (default: print it)")
+    option(parser, "kind", "kind of file", ("scenario", "job"), nargs="?")
+    option(parser, "--out F", "file to write (default: print it)", type=Path)
     parser.set_defaults(run=run)
 
 

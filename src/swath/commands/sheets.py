@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
 from swath.terminal.tables import add_json, as_json, say, table
 
 KINDS = ("sensors", "machines", "crops", "obstacles")
@@ -13,9 +14,7 @@ KINDS = ("sensors", "machines", "crops", "obstacles")
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("sheets", help="data sheets of sensors, machines, crops; print one to copy")
-    parser.add_argument(
-        "words", nargs="*", metavar="NAME", help="print this data sheet, e.g. sick-lms111; or: check FILE ..."
-    )
+    option(parser, "words NAME", "print this data sheet, e.g. sick-lms111; or: check FILE ...", nargs="*")
     add_json(parser)
     parser.set_defaults(run=run)
 

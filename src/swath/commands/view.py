@@ -4,14 +4,16 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser(
         "view", help="make replay.html of a run folder: watch the run again", description=_DESCRIPTION
     )
-    parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="where to write (default: RUN/replay.html)")
+    option(parser, "folder RUN", "a run folder", type=Path)
+    option(parser, "--out FILE", "where to write (default: RUN/replay.html)", type=Path)
     parser.set_defaults(run=run)
 
 

@@ -1,11 +1,11 @@
 """The yaw rate without the bias of its gyroscope, for control.
 
-One gyroscope cannot tell its bias from a bend that the machine drives. Others tell: wheels at an angle delta
-turn a machine at v tan(delta) / wheelbase, at rest not at all, and an inertial unit has a gyroscope of its
-own. Each may be off, most of them by little and a few by much: errors are normal with one of two deviations,
-that of a sound sensor or that of a faulty one. All combinations of sound and faulty are weighed by how well
-they explain what the sensors differ by, and the bias is the mean over them (a mixture of normals is
-conjugate: Gelman et al., Bayesian Data Analysis, 3rd ed., section 22.1).
+One gyroscope cannot separate its bias from a bend that the machine drives. Others can: wheels at an angle
+delta turn a machine at v tan(delta) / wheelbase, at rest not at all, and an inertial unit has a gyroscope of
+its own. Each may be off, most of them by little and a few by much: errors are normal with one of two
+deviations, that of a sound sensor or that of a faulty one. All combinations of sound and faulty are weighed
+by how well they explain what the sensors differ by, and the bias is the mean over them (a mixture of normals
+is conjugate: Gelman et al., Bayesian Data Analysis, 3rd ed., section 22.1).
 """
 
 from collections.abc import Sequence

@@ -100,7 +100,7 @@ class MeetsRange(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class HasNotes(Protocol, metaclass=ByMembers):
-    """A part with something to tell the user. notes: whole sentences, for summary.json and the report."""
+    """A part with notes for the user. notes: whole sentences, for summary.json and the report."""
 
     @property
     def notes(self) -> Sequence[str]:

@@ -85,6 +85,21 @@ class MissingExtra(SwathError):
         super().__init__(f"{what} needs an optional part: pip install 'swath[{extra}]'")
 
 
+class Extra:
+    """`with Extra("geo", "reading a DEM"): import rasterio`, MissingExtra where that is not installed."""
+
+    def __init__(self, extra: str, what: str = "this") -> None:
+        self._missing = extra, what
+
+    def __enter__(self) -> None:
+        """Imports follow."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        """MissingExtra in the place of an ImportError."""
+        if isinstance(error, ImportError):
+            raise MissingExtra(*self._missing) from error
+
+
 def fitted(text: str, limit: int = LONGEST, like: str = "") -> str:
     """Text of at most `limit` characters: its longest lists of names with the first of them, or those nearest
     to `like`, and the number of the others; then as `shortened`.

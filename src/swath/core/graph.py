@@ -348,6 +348,9 @@ class Lockstep:
         waiting = {(rank.name, port): queue for rank in self._ranks for port, queue in rank.queues.items()}
         every = zip(*(graph.nodes for graph in self.graphs), strict=True)
         self._ranks = ranks = [_Rank(nodes) for nodes in every]
+        batches: list[Any] = [rank.batch for rank in ranks]
+        for op in (batch for batch in batches if isinstance(batch, Op)):
+            op.active = self.active
         self._names = {rank.name: rank for rank in ranks}
         self._ending = [rank for rank in ranks if rank.may_end]
         self._latches = any(rank.slot.latch for rank in ranks)
@@ -462,7 +465,7 @@ class Lockstep:
         self.look()
 
     def reached(self, goal: Goal) -> NDArray[np.bool_]:
-        """Which worlds have reached a goal."""
+        """Worlds that have reached a goal."""
         found = np.zeros(len(self.graphs), np.bool_)
         for wire in goal.wires:
             sent = self._latest.get(wire)
@@ -568,14 +571,12 @@ class Lockstep:
         self._has_room = True
 
     def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
-        """What ops sent is the newest there is; who follows them is told."""
+        """What ops sent is the newest there is; who follows them learns of it."""
         for place in places:
-            rank = self._ranks[place]
-            outputs = {output: Sent(row) for output, row in program.by_place[place].op.sent.items()}
-            for output, sent in outputs.items():
-                self._latest[rank.name, output] = sent
-            if rank.name in self._followers:
-                self._tell(rank, t, outputs)
+            for wire, row in program.sends[place]:
+                self._latest[wire] = Sent(row)
+            if self._followers and (rank := self._ranks[place]).name in self._followers:
+                self._tell(rank, t, {wire[1]: self._latest[wire] for wire, _ in program.sends[place]})
 
     def _show(self, rank: _Rank, t: int) -> None:
         """Show what an op sent to those who look at every sample."""

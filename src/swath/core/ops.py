@@ -26,7 +26,7 @@ Call = tuple[int, int, int]  # addresses of a compiled function and of what it i
 
 LINE = 6  # numbers of a line of a program: what it does, and five that it needs for that
 CALL, NEED, CLEAR, SEND, STAMP, KEEP, REACH = range(7)
-# What the walker is told, and tells: ticks from, to, begin of their round [ns]; part and line to go on from,
+# What the walker reads, and writes: ticks from, to, begin of their round [ns]; part and line to go on from,
 # part to end before in the last tick (-1 = its own); slot that needs something (-1 = none), and after which
 # of its launches; whether a goal is reached; addresses of the clock and of the number of samples sent so far.
 FIRST, LAST, BASE, PART, FROM, STOP, NEEDS, STAGE, REACHED, CLOCK, ORDER = range(11)
@@ -36,8 +36,10 @@ FIRST, LAST, BASE, PART, FROM, STOP, NEEDS, STAGE, REACHED, CLOCK, ORDER = range
 class Op(Protocol, metaclass=ByMembers):
     """Parts of a slot in all worlds, stepped by launches over rows.
 
-    sent: by output; heard: trails that it takes samples of inputs with a history from; walks: whether
-    launches are all that a step takes
+    sent: by output
+    heard: trails that it takes samples of inputs with a history from
+    walks: whether launches are all that a step takes
+    active: worlds that still run
     needs: (1,) int32, set by a launch that lacks something: `supply` then does what it did not
     """
 
@@ -46,6 +48,7 @@ class Op(Protocol, metaclass=ByMembers):
     walks: bool
     needs: NDArray[np.int32]
     errors: dict[int, SwathError]
+    active: NDArray[np.bool_]
 
     def link(self, rows: Mapping[str, Row], trails: Mapping[str, Trail], clock: Ints) -> None:
         """Take the rows and trails of all slots, and the clock."""
@@ -166,7 +169,7 @@ class Program:
 
     by_place: its ops; spans: of each tick, the tick after the last of those from there on at which nothing
     but ops is due; pieces: of each tick, what is due in order: places of slots, or (parts from, to)
-    places: of the slots of the parts
+    places: of the slots of the parts; sends: by place, what an op sends
     begun: time [ns] after which all slots have begun; seconds: of walking, since they were counted last
     """
 
@@ -177,7 +180,13 @@ class Program:
         self.times = [at for at, _ in plan.ticks]
         self.begun = max((slot.offset for slot in plan.slots), default=0)
         self._plan, self.by_place = plan, {member.place: member for member in members}
-        sent = {(plan.slots[member.place].name, output) for member in members for output in member.op.sent}
+        self.sends = {
+            member.place: [
+                ((plan.slots[member.place].name, output), row) for output, row in member.op.sent.items()
+            ]
+            for member in members
+        }
+        sent = {wire for sends in self.sends.values() for wire, _ in sends}
         self._is_told = goal is not None and sent.issuperset(goal.wires)  # by the walk that a goal is reached
         self.least = np.zeros(0) if goal is None else goal.least.copy()
         self._lines: list[list[int]] = []

@@ -31,8 +31,8 @@ class Samples:
     """A sample of an output in each of n worlds, at one time t [ns].
 
     arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may
-    be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
-    stay so
+        be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and stay
+        so
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Samples:
 
     @property
     def count(self) -> int:
-        """In how many worlds."""
+        """Number of worlds."""
         return len(next(iter(self.arrays.values())))
 
     def of(self, world: int) -> Any:
@@ -71,7 +71,7 @@ class Samples:
 
     @staticmethod
     def joined(signals: Sequence[Signal], active: Sequence[bool] | None = None) -> "Samples":
-        """Of the samples of all worlds; fields that are arrays have one shape in all of them.
+        """Of the samples of all worlds; arrays that differ in shape become one array of objects.
 
         active: worlds that still run, None = all; others have an older sample, which nobody looks at any
         more. SwathError where the samples of those that run are not of one time.
@@ -88,7 +88,7 @@ class Samples:
             if _is_alike(values):
                 alike[name] = values[0]
             else:
-                arrays[name] = np.array([plain(value) for value in values])
+                arrays[name] = _stacked(values)
         return Samples(type(first), max(times, default=first.t), arrays, alike)
 
 
@@ -113,12 +113,12 @@ class Sent:
 
     @property
     def kind(self) -> type[Signal]:
-        """Of which type they are."""
+        """Type of the samples."""
         return type(self._each[0]) if self._all is None else self._all.kind  # type: ignore[index]
 
     @property
     def names(self) -> Collection[str]:
-        """Of fields that may differ between worlds."""
+        """Names of fields that may differ between worlds."""
         return _makers(self.kind).keys() if self._all is None else self._all.arrays.keys()
 
     @property
@@ -131,7 +131,7 @@ class Sent:
 
     @property
     def each(self) -> Sequence[Signal]:
-        """One by one."""
+        """Give them one by one."""
         if self._each is None and self._origin is not None:
             self._each = self._origin._each
         if self._each is None:
@@ -155,7 +155,7 @@ class Sent:
         return found[world] if name in self.all.arrays else found
 
     def of(self, world: int) -> Any:
-        """That of one world."""
+        """Sample of one world."""
         if self._each is None and self.all.count > 1:
             return self.all.of(world)
         return self.each[world]
@@ -200,6 +200,16 @@ def _is_alike(values: Sequence[Any]) -> bool:
     if not isinstance(first, np.ndarray) or first.flags.writeable:
         return False
     return all(value is first or np.array_equal(value, first) for value in values[1:])
+
+
+def _stacked(values: Sequence[Any]) -> NDArray[Any]:
+    """Values of all worlds; arrays of different shapes, such as of objects, one by one."""
+    if not isinstance(values[0], np.ndarray) or len({np.shape(value) for value in values}) == 1:
+        return np.array([plain(value) for value in values])
+    found = np.empty(len(values), object)
+    for world, value in enumerate(values):
+        found[world] = value
+    return found
 
 
 def plain(value: Any) -> Any:
@@ -264,7 +274,7 @@ class KeepsRows:
         return {name.lstrip("_"): getattr(self, name)[world].copy() for name in self.kept}
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         for name in self.kept:
             getattr(self, name)[world] = state[name.lstrip("_")]
 
@@ -300,9 +310,10 @@ class InWorlds(ABC):
     @classmethod
     @abstractmethod
     def together(cls, parts: Sequence[Any]) -> Together | None:
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
 
     alone: Together | None = None  # the batch of one, once it is reset
+    gains: ClassVar[bool] = True  # whether a step of many worlds costs less than one of each
 
     def reset(self, stream: Stream) -> Outputs:
         """The state at t = 0."""
@@ -324,7 +335,7 @@ class InWorlds(ABC):
         return self._begun().save(0)
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._begun().load(0, state)
 
     def _begun(self) -> Together:

@@ -20,13 +20,13 @@ class Pair:
     residual: float
     """How far they are apart, 0 = they agree, nan = one of them is not there."""
     told: float
-    """Residual above which the user is told."""
+    """Residual above which the user gets a note."""
     refused: float = np.inf
     """Residual above which nothing can be made of it."""
     entry: str = ""
     """What to write where one of them is wrong."""
     is_stated: bool = False
-    """The user says what is contradicted: it is told, not refused."""
+    """The user says what is contradicted: it is noted, not refused."""
 
     @property
     def agrees(self) -> bool:

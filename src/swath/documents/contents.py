@@ -32,7 +32,7 @@ def hashes(node: Any) -> dict[str, str]:
 
 
 def hashes_by_path(node: Any) -> dict[str, str]:
-    """The same by the path of each."""
+    """Hashes by the path of each file."""
     return {path.as_posix(): _hash_of(path) for path in dict.fromkeys(_all_named(node))}
 
 

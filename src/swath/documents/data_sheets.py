@@ -79,7 +79,7 @@ def expected_name(kind: str, name: str) -> str:
 class Sheet:
     """A data sheet as written (`document`), and its plain values without tags and sources (`values`).
 
-    mistakes: against the form of its entries; `check` tells them with the others
+    mistakes: against the form of its entries; `check` lists them with the others
     """
 
     path: Path

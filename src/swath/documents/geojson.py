@@ -28,7 +28,7 @@ def read_shapes(path: Path, key: str, what: str = "GeoJSON") -> tuple[Shapes, st
     with readable(key, what, path):
         name = crs.get("properties", {}).get("name", "") if isinstance(crs, dict) else ""
         found = [(f.get("geometry", f), f.get("properties") or {}) for f in data.get("features", [data])]
-        shapes = [(shape, told) for shape, told in found if shape is not None]
+        shapes = [(shape, notes) for shape, notes in found if shape is not None]
         if not all(isinstance(shape["type"], str) for shape, _ in shapes):
             raise InputError(key, None, f"expected {what}", file=path)
     return shapes, name

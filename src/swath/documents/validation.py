@@ -57,7 +57,7 @@ def near_miss(value: Any, names: Iterable[str]) -> str:
 
 
 def number_form(key: str, value: Any, what: str = "a number") -> str:
-    """What a number's key expects; a number with a unit gets told so."""
+    """What a number's key expects; a number with a unit says so."""
     unit = split_unit(key)[1]
     text = f"expected {what} in {unit}" if unit else f"expected {what}"
     match = _NUMBER_AND_UNIT.match(value) if isinstance(value, str) else None
@@ -67,7 +67,7 @@ def number_form(key: str, value: Any, what: str = "a number") -> str:
 
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
-MOST_ERRORS = 100  # that are told of one section
+MOST_ERRORS = 100  # that are reported of one section
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _TYPES = {
     "bool_type": "true or false",

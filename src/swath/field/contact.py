@@ -25,7 +25,8 @@ CHUNK = 32  # triangles of a mesh that are bounded together
 class Parts:
     """Solids, each in its oriented box: centre (n, 3) [m], axes (n, 3, 3) columns, half sizes (n, 3) [m].
 
-    kind: `box`, `ellipsoid`, `capsule` (along its third axis) or `mesh`; mesh: None for all others; both (n,)
+    kind: `box`, `ellipsoid`, `capsule` (along its third axis) or `mesh`
+    mesh: None for all others; both (n,)
     """
 
     centre: Array
@@ -159,7 +160,7 @@ def _convex(kind: str, centre: Array, axes: Array, half: Array) -> Convex:
 
 
 def _distance(a: _Piece, b: _Piece, limit: float) -> tuple[float, Vector]:
-    """As `convex.distance`, of meshes too."""
+    """Distance as of `convex.distance`, also of meshes."""
     if isinstance(a.shape, SolidMesh):
         return _distance_of_mesh(a, a.shape, b, limit)
     if isinstance(b.shape, SolidMesh):

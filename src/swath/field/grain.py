@@ -60,5 +60,5 @@ class GrainPiles(KeepsState):
 
     @property
     def total(self) -> float:
-        """All of it [kg]."""
+        """Mass of all grain on the ground [kg]."""
         return fsum(self._mass.values())

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.portable import product
 from swath.core.read_file import check_readable
 from swath.core.units import CM, MM
@@ -39,8 +39,10 @@ UP = {  # rows: x, y, z of the world from those of the file, right-handed
 
 @dataclass(frozen=True)
 class MeshPart:
-    """Triangles with one material. names: what a sheet may call it by, first choice first; corners: (n, 3, 3)
-    in the units and axes of the file.
+    """Triangles with one material.
+
+    names: what a sheet may call it by, first choice first
+    corners: (n, 3, 3) in the units and axes of the file
     """
 
     names: tuple[str, ...]
@@ -63,7 +65,7 @@ def read_mesh(path: Path, *, key: str, file: Path | None = None) -> tuple[MeshPa
 
 
 def file_up(path: Path) -> str:
-    """The axis that points up unless one is told: y in GLB and glTF, which say so, else z."""
+    """The axis that points up unless one is stated: y in GLB and glTF, which say so, else z."""
     return "y" if path.suffix.lower() in (".glb", ".gltf") else "z"
 
 
@@ -115,10 +117,8 @@ def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
 
 def _load(path: Path) -> Any:
     """The file as a trimesh scene."""
-    try:
+    with Extra("mesh", "reading a mesh"):
         import trimesh
-    except ImportError as error:
-        raise MissingExtra("mesh", "reading a mesh") from error
     kind = path.suffix.lower().lstrip(".")
     if kind not in FORMATS:
         raise _bad(f"expected a mesh file, one of .{', .'.join(FORMATS)}")
@@ -143,7 +143,7 @@ def _check_accessors(path: Path) -> None:
 
 
 def _own_materials(text: str) -> tuple[str, str]:
-    """An OBJ file that uses materials alone to tell parts apart, and a library that has them all."""
+    """An OBJ file that uses materials alone to distinguish parts, and a library that has them all."""
     lines = [line.strip() for line in text.splitlines()]
     words = {line.split(None, 1)[0] for line in lines if line}
     parts = ("o", "g")

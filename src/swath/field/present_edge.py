@@ -1,7 +1,7 @@
 """The true edge of the crop: the wall that stands now, and the line to be steered along.
 
 The wall is where, on a line across a machine, ground without crop turns into crop. The line is what an edge
-detector is to tell: the wall, but across a hole of the initial edge, which goes on behind it (`Holes`).
+detector should report: the wall, but across a hole of the initial edge, which goes on behind it (`Holes`).
 
 Lines across a machine are sampled every STEP_M. A place is an edge where more than half of the SIDE_M on its
 one side are standing crop and more than half of those on its other side are not; of several such places

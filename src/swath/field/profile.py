@@ -149,7 +149,7 @@ class Profile(KeepsState):
         return float(self.standing_areas(polygon[None])[0])
 
     def standing_areas(self, polygons: Array) -> Array:
-        """Of several, (m, n, 2), (m,)."""
+        """Areas of standing crop in several triangles, (m, n, 2), (m,)."""
         from swath.field.profile_kernel import standing_cells
 
         wp, counts = start_warp(), np.zeros(len(polygons), np.int32)
@@ -283,7 +283,7 @@ class Profile(KeepsState):
         self.near[:], self.far[:], self.straw_kg = inf, -inf, 0.0
 
     def load(self, state: State) -> None:
-        """Back to a saved moment, in the same memory."""
+        """Take on a state that `save` gave, in the same memory."""
         self.near[:], self.far[:], self.straw_kg = state["near"], state["far"], state["straw_kg"]
 
 

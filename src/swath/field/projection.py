@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 
 Array = NDArray[np.float64]
 
@@ -88,9 +88,7 @@ def known_crs(text: str) -> Any:
 
 
 def _pyproj() -> Any:
-    try:
+    with Extra("geo", "a map projection"):
         import pyproj
         import pyproj.exceptions
-    except ImportError as error:
-        raise MissingExtra("geo", "a map projection") from error
     return pyproj

@@ -30,7 +30,8 @@ PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays 
 class _Pieces:
     """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed.
 
-    half: `width` in the plants; pointed: triangles, which have no width at b.
+    half: `width` in the plants
+    pointed: triangles, which have no width at b.
     """
 
     source: Ints
@@ -144,8 +145,9 @@ class Index:
 class PlacedPlants:
     """Plants, primitives and lists of cells, each made when it is first asked for.
 
-    draw: plants whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,); size: of a tile [m]; counts:
-    tiles, columns and bins of the index
+    draw: plants whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,)
+    size: of a tile [m]
+    counts: tiles, columns and bins of the index
     """
 
     def __init__(
@@ -201,7 +203,7 @@ class PlacedPlants:
         return self._bounds
 
     def primitives(self) -> Primitives:
-        """All of them, with their copies."""
+        """All primitives, with their copies."""
         return self._primitives
 
     def cells(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -214,7 +216,7 @@ def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArr
 
     A capsule is its axis grown by the radius, a ribbon a flat parallelogram with half edges e1 and e2.
     Axes: the ribbon's normal, and the cross products of its edges with those of the box. The box's own
-    normals tell nothing more: the boxes were chosen by the bounds of the primitive. What one axis tells
+    normals say nothing more: the boxes were chosen by the bounds of the primitive. What one axis tells
     apart is not looked at on the next.
     """
     e1, e2 = (0.5 * (pieces.b - pieces.a)).T.copy(), pieces.half.T.copy()
@@ -246,7 +248,7 @@ def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArr
 def _triangles_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArray[np.bool_]:
     """As `_boxes_meet`, for triangles: on each axis the span of three corners against that of the box.
 
-    What one axis tells apart is not looked at on the next.
+    What one axis separates is not looked at on the next.
     """
     corners = np.stack([pieces.a - pieces.half, pieces.a + pieces.half, pieces.b])
     sides = np.roll(corners, -1, axis=0) - corners

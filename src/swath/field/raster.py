@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.read_file import check_readable
 from swath.core.whole_file import new_file
 from swath.documents.packed import readable
@@ -163,12 +163,10 @@ class Raster:
 
 
 def _rasterio() -> Any:
-    try:
+    with Extra("geo", "reading and writing GeoTIFF"):
         import rasterio
         import rasterio.crs
         import rasterio.errors
-    except ImportError as error:
-        raise MissingExtra("geo", "reading and writing GeoTIFF") from error
     return rasterio
 
 

@@ -43,7 +43,8 @@ class Contact:
 class Sighted:
     """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`.
 
-    velocity: of its origin, world (3,) [m/s]; pose: pose_world_body
+    velocity: of its origin, world (3,) [m/s]
+    pose: pose_world_body
     """
 
     name: str
@@ -57,7 +58,8 @@ class Sighted:
 class Body:
     """A thing of the scene or a machine as it is now. kind: as in `OBSTACLE_KINDS`; solids: in the world.
 
-    pose: pose_world_body; velocity: of its origin, world (3,) [m/s]
+    pose: pose_world_body
+    velocity: of its origin, world (3,) [m/s]
     middle, half: of a box around it in its own frame, (3,) [m]
     rcs_dbsm: radar cross section at 24 and 77 GHz, None where it is that of its solids
     """
@@ -174,7 +176,7 @@ class Bodies:
         self._speeds[name] = velocity
 
     def follow(self, name: str, state: Callable[[], MachineState]) -> None:
-        """Move a machine to where it now is. state: tells that, until it is moved again."""
+        """Move a machine to where it now is. state: gives that, until it is moved again."""
         if name not in self._solids:
             self._refuse(name)
         self._told[name] = state
@@ -272,7 +274,7 @@ class Bodies:
         return [pairs[key] for key in sorted(pairs)]
 
     def reset(self) -> None:
-        """All of them where they were added."""
+        """Put all bodies where they were added."""
         self._told.clear()
         self._places = {name: self._starts[name] for name in self._places}
         self._speeds = dict.fromkeys(self._places, STILL)
@@ -384,9 +386,13 @@ class Landing:
 class SiteSetup:
     """What a component of the machine or a sensor may know, the truth included.
 
-    field: the one truth; machine: data-sheet geometry; start: pose_world_machine at t = 0
-    edge_side: `left` or `right`, the end of the header that follows the edge
-    period [s] of the component; name: of the machine; obstacles: in the world; bodies: of all machines
+    field: the one truth
+    machine: data-sheet geometry
+    start: pose_world_machine at t = 0
+    edge_side: `left` or `right`, the end of the header that follows the edge period [s] of the component
+    name: of the machine
+    obstacles: in the world
+    bodies: of all machines
     base: folder that relative file names start from
     origin: where on Earth the world's origin lies, if that is known
     edge: line of the initial edge that the machine follows, such as `field.edges["west"].shape`

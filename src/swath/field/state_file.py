@@ -24,7 +24,7 @@ KEY = "field.state_file"
 CODES_BYTES, STRAW_BYTES = PAGE_CUT_CELLS**2, 8 * PAGE_NODES**2
 NOTHING, PACKED = -1, -2  # in the place of a code of a whole page
 RATIO = 2000  # codes of cut cells are runs of one value
-NAMED = 3  # differing keys that are told
+NAMED = 3  # differing keys that are reported
 
 
 def write_state(path: Path, state: Mapping[str, Any], about: Mapping[str, Any]) -> None:
@@ -53,10 +53,10 @@ def read_state(path: Path, about: Mapping[str, Any]) -> dict[str, Any]:
     what = "a field state, written by swath run --save-field"
     arrays = read_arrays(path, KEY, what, RATIO)
     with readable(KEY, what, path):
-        told = json.loads(arrays["about"].tobytes())
-        if told["format"] != FORMAT:
-            raise ValueError(f"its format is {told['format']!r}, not {FORMAT!r}")
-        _check_same(path, told["field"], about)
+        header = json.loads(arrays["about"].tobytes())
+        if header["format"] != FORMAT:
+            raise ValueError(f"its format is {header['format']!r}, not {FORMAT!r}")
+        _check_same(path, header["field"], about)
         keys, whole, has_straw = (arrays[name] for name in ("keys", "whole", "has_straw"))
         if keys.shape != (len(whole), 2) or has_straw.shape != whole.shape:
             raise ValueError("its pages do not fit together")
@@ -91,9 +91,9 @@ def _inflatable(array: NDArray[np.uint8], size: int) -> bytes:
 def _check_same(path: Path, theirs: Mapping[str, Any], ours: Mapping[str, Any]) -> None:
     keys = [k for k in dict.fromkeys((*ours, *theirs)) if ours.get(k) != theirs.get(k)]
     if keys:
-        told = [f"{k} {_said(theirs, k)}, here {_said(ours, k)}" for k in keys]
+        differing = [f"{k} {_said(theirs, k)}, here {_said(ours, k)}" for k in keys]
         raise InputError(
-            KEY, str(path), f"expected the state of this field, it has {some_of(told, NAMED, '; ')}"
+            KEY, str(path), f"expected the state of this field, it has {some_of(differing, NAMED, '; ')}"
         )
 
 

@@ -64,8 +64,8 @@ def lay(
 ):
     """Lays a mass on nodes: every point of a lattice over the polygon its share on the four around it.
 
-    laid: mass on the nodes from (FIRST_U, FIRST_V) to (LAST_U, LAST_V), row by row; nothing is told or laid
-    where LAST_U stays below FIRST_U
+    laid: mass on the nodes from (FIRST_U, FIRST_V) to (LAST_U, LAST_V), row by row; nothing is reported or
+    laid where LAST_U stays below FIRST_U
     """
     ridge = numbers[0]
     is_ridge = whole[IS_RIDGE]

@@ -72,8 +72,11 @@ class Line:
 
 @dataclass(frozen=True)
 class AgOpenGpsField:
-    """A field in metres of its plane, (n, 2) each. rings: the boundary, then islands in it; headlands: their
-    inner lines; notes: what was not used.
+    """A field in metres of its plane, (n, 2) each.
+
+    rings: the boundary, then islands in it
+    headlands: their inner lines
+    notes: what was not used
     """
 
     plane: Plane
@@ -270,9 +273,9 @@ def write_agopengps(field: FieldFolder, out: Path) -> None:
     inner += [["0"]] * (len(rings) - len(inner)) if inner else []
     rows = ["$TrackLines"]
     for track, line in passes:
-        way = line[-1] - line[0]
+        across = line[-1] - line[0]
         is_straight = _is_straight(line)
-        heading = math.atan2(way[0], way[1]) % (2.0 * math.pi)
+        heading = math.atan2(across[0], across[1]) % (2.0 * math.pi)
         rows += [f"pass {track.index}", repr(heading), _place(line[0]), _place(line[-1]), "0"]
         rows += ["2" if is_straight else "4", "True", *(["0"] if is_straight else _points(line, False))]
     files = {
@@ -291,11 +294,11 @@ def _opened(ring: Array) -> Array:
 
 
 def _is_straight(line: Array) -> bool:
-    way = line[-1] - line[0]
-    length = float(np.hypot(*way))
+    across = line[-1] - line[0]
+    length = float(np.hypot(*across))
     if length < 1e-3:
         return False
-    off = (line - line[0]) @ np.array([-way[1], way[0]]) / length
+    off = (line - line[0]) @ np.array([-across[1], across[0]]) / length
     return bool(np.abs(off).max() <= STRAIGHT_TOLERANCE)
 
 

@@ -22,7 +22,7 @@ TURN_REACH = 8.0  # m before and after, over which the curvature is taken
 RAMP = 3.0  # s at each end of a pass while the machine fills and empties
 OUTLIER_SIGMA = 5.0  # robust standard deviations
 LOCAL_RECORDS = 21  # of the running median a record is held against
-STRIP_RECORDS = 41  # of the running median that tells a strip narrower than the header
+STRIP_RECORDS = 41  # of the running median that shows a strip narrower than the header
 STRIP_SHARE = 0.6  # of the yield of the passes beside it: less means that the header was not full
 STRIP_REACH = 1.6  # header widths to the passes beside
 LONGEST_HOLE = 5  # records without crop that do not end a pass
@@ -39,10 +39,13 @@ REASONS = (
 class Cleaned:
     """A log with the verdict on each record, shape (n,).
 
-    cutting: header in the crop, in turns too; reason: index into REASONS, -1 = kept
-    flow: delay removed [kg/s], nan = unknown; grain: yield as harvested [kg/m2], nan = unknown
+    cutting: header in the crop, in turns too
+    reason: index into REASONS, -1 = kept
+    flow: delay removed [kg/s], nan = unknown
+    grain: yield as harvested [kg/m2], nan = unknown
     pass_id: -1 = not in a pass, else 0.. in driven order
-    course: of travel, counter-clockwise from east [rad]; distance: along the track from its start [m]
+    course: of travel, counter-clockwise from east [rad]
+    distance: along the track from its start [m]
     """
 
     log: Log

@@ -4,62 +4,48 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 def add(parsers: Any) -> Any:
     """Add the command and its two verbs. Returns the verbs, for more of them."""
     parser = parsers.add_parser("field", help="make a field from a yield log, look at one, take one away")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     imports = verbs.add_parser("import", help="make a field folder from a combine's yield log")
-    imports.add_argument(
-        "log",
-        type=Path,
-        metavar="LOG",
-        help="CSV, a point shapefile (bare, folder or zip), ISOXML (TASKDATA folder or zip, one TLG file), "
+    option(
+        imports,
+        "log LOG",
+        "CSV, a point shapefile (bare, folder or zip), ISOXML (TASKDATA folder or zip, one TLG file), "
         "or the bundled sample-log; an outline (KML, GeoJSON, polygons of a shapefile) or a field folder of "
         "AgOpenGPS for an even crop",
+        type=Path,
     )
-    imports.add_argument("--out", type=Path, required=True, metavar="DIR", help="the field folder to make")
-    imports.add_argument("--dem", type=Path, metavar="F", help="GeoTIFF of heights (default: the log's own)")
-    imports.add_argument("--boundary", type=Path, metavar="F", help="GeoJSON, KML or shapefile of the field")
-    imports.add_argument(
-        "--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what, in which unit"
+    option(imports, "--out DIR", "the field folder to make", type=Path, required=True)
+    option(imports, "--dem F", "GeoTIFF of heights (default: the log's own)", type=Path)
+    option(imports, "--boundary F", "GeoJSON, KML or shapefile of the field", type=Path)
+    option(imports, "--columns MAP.yaml", "which column of the log is what, in which unit", type=Path)
+    option(imports, "--grain-g-per-stem G", "grain on a stem [g], for stems from the yield", type=float)
+    option(imports, "--crop-height-m H", "height of the crop [m]", type=float)
+    option(imports, "--header-width-m W", "width of the header [m], where the log holds none", type=float)
+    option(imports, "--flow-delay-s S", "from the knife to the flow sensor [s] (default: found)", type=float)
+    option(imports, "--crop NAME|FILE", "data sheet of the crop (default: what the log says)")
+    option(imports, "--part N", "which field or harvest of a log that holds several", type=int)
+    option(
+        imports,
+        "--as",
+        "map: stand and yield of records in any order, without passes",
+        ("passes", "map"),
+        dest="kind",
     )
-    imports.add_argument(
-        "--grain-g-per-stem", type=float, metavar="G", help="grain on a stem [g], for stems from the yield"
-    )
-    imports.add_argument("--crop-height-m", type=float, metavar="H", help="height of the crop [m]")
-    imports.add_argument(
-        "--header-width-m", type=float, metavar="W", help="width of the header [m], where the log holds none"
-    )
-    imports.add_argument(
-        "--flow-delay-s",
-        type=float,
-        metavar="S",
-        help="from the knife to the flow sensor [s] (default: found)",
-    )
-    imports.add_argument(
-        "--crop", metavar="NAME|FILE", help="data sheet of the crop (default: what the log says)"
-    )
-    imports.add_argument(
-        "--part", type=int, metavar="N", help="which field or harvest of a log that holds several"
-    )
-    imports.add_argument(
-        "--as", choices=("passes", "map"), default="passes", dest="kind",
-        help="map: stand and yield of records in any order, without passes",
-    )  # fmt: skip
-    imports.add_argument(
-        "--replace",
-        action="store_true",
-        help="make DIR anew where it is a field; its changes are lost",
-    )
+    option(imports, "--replace", "make DIR anew where it is a field; its changes are lost")
     imports.set_defaults(run=run_import)
     shows = verbs.add_parser("show", help="draw a field folder as a picture")
-    shows.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
+    option(shows, "folder DIR", "a field folder", type=Path)
     shows.set_defaults(run=run_show)
     text = "write a field folder as a field of AgOpenGPS"
     gives = verbs.add_parser("agopengps", help=text, description=text)
-    gives.add_argument("folder", type=Path, metavar="DIR", help="a field folder")
-    gives.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make")
+    option(gives, "folder DIR", "a field folder", type=Path)
+    option(gives, "--out DIR", "the folder to make", type=Path, required=True)
     gives.set_defaults(run=run_agopengps)
     return verbs
 

@@ -28,7 +28,7 @@ DDMM = "ddmm"  # degrees and minutes as NMEA 0183 writes them: 5215.1234 is 52 d
 FARTHEST_M = 20e3  # from the median position: no field is that large
 MIRRORED = ("deg W", "deg S")
 BEYOND_DEG = 6.0  # where a system is still used beside its own area: the next zone
-NOWHERE = 0.1, 0.5  # share of the positions that are on no place of the earth: told, something else
+NOWHERE = 0.1, 0.5  # share of the positions that are on no place of the earth: noted, something else
 _ANGLE = re.compile(
     r"([NSEW]?)\s*([+-]?\d+(?:\.\d+)?)(?:[\s°d:]+(\d+(?:\.\d+)?))?(?:[\s'’′m:]+(\d+(?:\.\d+)?))?"
     r"[\s\"”″'’′°]*([NSEW]?)",
@@ -210,8 +210,8 @@ def check_places(
     is_said = (columns and all(c.is_given for c in columns)) or bool(found.axes)
     named = ", ".join(f"{c.column} in {c.unit}" for c in columns) or "as in the shapes"
     if is_said or not better:
-        told = doubts if better else [pair.shown for pair in against if pair.key == PLACES]
-        return [f"positions: {named}, though {'; '.join(told)}"] if told else []
+        reasons = doubts if better else [pair.shown for pair in against if pair.key == PLACES]
+        return [f"positions: {named}, though {'; '.join(reasons)}"] if reasons else []
     ways = some_of((other.name for other in better), 2, " or ")
     expected = f"expected what the log shows: {some_of(doubts, 2, '; ')}; all agrees with {ways}"
     error = InputError("log.positions", named, expected, file=path)

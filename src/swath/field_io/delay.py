@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 from swath.core.witness import Estimate, agreed
 from swath.field_io.log import Log
 
@@ -99,10 +99,8 @@ def neighbour_pairs(log: Log) -> tuple[Indices, Indices, NDArray[np.bool_]]:
     """Indices of records that lie side by side on neighbouring passes, each pair once, and whether their
     directions are opposite; of passes in one direction only those of two machines.
     """
-    try:
+    with Extra("geo", "cleaning a yield log"):
         from scipy.spatial import cKDTree
-    except ImportError as error:
-        raise MissingExtra("geo", "cleaning a yield log") from error
     none = np.zeros(0, dtype=np.int64)
     nothing = none, none, none.astype(bool)
     width = float(np.median(log.width[log.width > 0.0])) if (log.width > 0.0).any() else 0.0
@@ -320,8 +318,10 @@ def _usual(flow: Array) -> float:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Records with flow between such without. rise, fall: when it begins and ends [s], nan = the log does not
-    show it; forward: of the machine, in the middle [s], shape (2,).
+    """Records with flow between such without.
+
+    rise, fall: when it begins and ends [s], nan = the log does not show it
+    forward: of the machine, in the middle [s], shape (2,)
     """
 
     middle: float
@@ -379,7 +379,7 @@ def _middle(values: Array) -> Estimate:
 
 
 def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
-    """Of one machine, in the order of time."""
+    """Parts of one machine's log in the order of time."""
     usual = _usual(flow)
     is_up = flow > 0.5 * usual
     edges = np.flatnonzero(np.diff(is_up)) + 1
@@ -388,11 +388,11 @@ def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
     made = []
     for a, b in runs:
         m = (a + b) // 2
-        way = position[min(m + 2, b - 1)] - position[max(m - 2, a)]
-        size = float(np.hypot(*way))
+        across = position[min(m + 2, b - 1)] - position[max(m - 2, a)]
+        size = float(np.hypot(*across))
         if size > 0.0:
             fall = _ramp(-clock[::-1], flow[::-1], len(clock) - b, len(clock) - 1 - a)
-            made.append(_Stretch(clock[m], _ramp(clock, flow, a, b - 1), -fall, way / size))
+            made.append(_Stretch(clock[m], _ramp(clock, flow, a, b - 1), -fall, across / size))
     return made
 
 

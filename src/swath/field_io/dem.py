@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.witness import Pair, judge, ratio
 from swath.field.band import GROUND, check_ground, horizontal, read_band
 from swath.field.projection import transform
@@ -17,8 +17,8 @@ from swath.field_io.log import Log
 
 Array = NDArray[np.float64]
 MOST_READ = 16_000_000  # cells of the file held at once: a finer one is read by means
-APART, RISES = 2.0, 1.0  # m, and times more: heights of a log and of a DEM farther apart are told
-ALIKE = 0.2, 0.7  # that the correlation of both heights lacks to 1, above which it is told, and refused
+APART, RISES = 2.0, 1.0  # m, and times more: heights of a log and of a DEM farther apart are reported
+ALIKE = 0.2, 0.7  # that the correlation of both heights lacks to 1, above which it is noted, and refused
 FEWEST_HEIGHTS = 100  # of a log that say something of a DEM
 OTHER_PASS = 60.0  # s between records of two passes
 LEAST_KNOWN = 0.8  # share of the cells around the field that must have a height
@@ -32,11 +32,9 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     Raises InputError when the file is unreadable, has no CRS, covers less than LEAST_KNOWN of the grid, or
     holds what cannot be ground.
     """
-    try:
+    with Extra("geo", "reading a DEM"):
         import rasterio
         import rasterio.warp
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a DEM") from error
     ny, nx = grid.values.shape
     west, _, _, north = grid.bounds
     target = rasterio.Affine(grid.cell, 0.0, west, 0.0, -grid.cell, north)

@@ -40,11 +40,11 @@ from swath.terminal.progress import steps
 
 Array = NDArray[np.float64]
 MARGIN_M = 40.0  # of terrain around the field, for turning
-CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: told, refused
-BALANCE = 0.25, 1.5  # of more logged than mapped grain: told, refused; of less: told
+CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: noted, refused
+BALANCE = 0.25, 1.5  # of more logged than mapped grain: noted, refused; of less: noted
 WIDER = 0.03  # of passes farther apart than the header is wide: no crop is left standing between them
 MACHINES, FEWEST_BESIDE = 0.1, 200  # yields of two machines side by side; records that say something
-# of a log without a record left (told, refused), estimated: shares of its records on the spot of the one
+# of a log without a record left (noted, refused), estimated: shares of its records on the spot of the one
 # before, and without flow, without width or behind a pause; by how much the faster of two speeds is faster
 FEW_MOVE, IDLE, OTHER_SPEED = (0.5, 0.5), (0.9, 0.9), (0.5, 0.5)
 # at harvest, estimated: moisture of the grain, and t/ha of a field, a good year included
@@ -60,10 +60,12 @@ FEW_USED = 0.5  # of the records, that are not
 class Settings:
     """How to import. cell_m, terrain_cell_m: edges of map cells; flow_delay_s: None = estimate per machine.
 
-    header_width_m: for logs that hold none; crop: data sheet, None = what the log says;
-    grain_g_per_stem: None = the crop's own; crop_height_m: for logs that hold none, None = the crop's own;
-    as_map: stand and yield of records in any order, without passes; part: of a log with several fields or
-    harvests, counted from 1
+    header_width_m: for logs that hold none
+    crop: data sheet, None = what the log says
+    grain_g_per_stem: None = the crop's own
+    crop_height_m: for logs that hold none, None = the crop's own
+    as_map: stand and yield of records in any order, without passes
+    part: of a log with several fields or harvests, counted from 1
     """
 
     cell_m: float = 5.0
@@ -427,11 +429,11 @@ def _of_raw(log: Log) -> list[Pair]:
     """What the records say twice before any of them is judged: of these the cause is where none is left."""
     on_spot = log.broken.get("duplicated_position", 0) / max(log.row_count, 1)
     goes_on = ~log.gap[1:] & (np.diff(log.time) > 0.0)
-    way = np.hypot(*np.diff(log.position, axis=0)[goes_on].T)
-    pace = float(way.sum() / np.diff(log.time)[goes_on].sum()) if goes_on.any() else np.nan
+    driven = np.hypot(*np.diff(log.position, axis=0)[goes_on].T)
+    pace = float(driven.sum() / np.diff(log.time)[goes_on].sum()) if goes_on.any() else np.nan
     shown = float(np.mean(log.speed[1:][goes_on])) if goes_on.any() else np.nan
     idle = [float((values <= 0.0).mean()) for values in (log.flow, log.width)]
-    far = f"the others are {np.median(way):.3g} m apart" if len(way) else "the others are far apart"
+    far = f"the others are {np.median(driven):.3g} m apart" if len(driven) else "the others are far apart"
     speeds = f"{3.6 * shown:.3g} km/h logged, {3.6 * pace:.3g} km/h by positions and times"
     of_log, units = "of the records", "say the units with --columns"
     return [

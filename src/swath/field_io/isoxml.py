@@ -33,7 +33,7 @@ from swath.field_io.taskfiles import TaskFiles, hex_number, is_log_file, read_tr
 
 Array = NDArray[np.float64]
 FEW_VALUES, VALUES_PER_BYTE = 20_000_000, 32  # held of any task data; more per byte, up to MOST_VALUES
-MOST_PROBLEMS = 100  # that are told of one set of task data
+MOST_PROBLEMS = 100  # that are reported of one set of task data
 WIDTH, WORK_STATE = "working_width_m", 141  # a column; a DDI
 AT_WORK, NOT_INSTALLED = 1, 3  # condensed states of a section
 EPOCH = np.datetime64("1980-01-01T00:00:00.000", "ms")
@@ -77,8 +77,9 @@ class TimeLog:
     """One TLG. time: shape (n,), ms, NaT before the terminal knew the date; lat, lon [deg], up [m], nan =
     none; position: the other fields by name.
 
-    values: shape (n, channel_count), in the channels' units, the last one logged; problems: what was left
-    out, each with file and byte; unread: bytes that were skipped, at so many places: gaps
+    values: shape (n, channel_count), in the channels' units, the last one logged
+    problems: what was left out, each with file and byte
+    unread: bytes that were skipped, at so many places: gaps
     """
 
     name: str
@@ -186,8 +187,8 @@ def read_time_log(
     size = layout.head.itemsize
     raw = np.frombuffer(data, np.uint8)
     heads = raw[starts[:, None] + np.arange(size)].copy().view(layout.head)[:, 0]
-    time, told = _times(heads["days"].astype(np.int64), heads["ms"].astype(np.int64))
-    problems += [f"{name}.bin: {told}"] if told else []
+    time, notes = _times(heads["days"].astype(np.int64), heads["ms"].astype(np.int64))
+    problems += [f"{name}.bin: {notes}"] if notes else []
     fields = {key: heads[key].astype(float) * scale for key, scale in layout.scales.items()}
     nothing = np.full(len(starts), np.nan)
     lat, lon = fields.pop("north", nothing), fields.pop("east", nothing)
@@ -228,17 +229,17 @@ def _times(days: NDArray[np.int64], ms: NDArray[np.int64]) -> tuple[NDArray[np.d
     is_date &= np.abs(days - middle) <= SEASON
     first, count = int(is_date.argmax()), int((~is_date).sum())
     steps = np.diff(clock[:first])
-    told = f"{count} records without a date: their time is left out" if count else ""
+    note = f"{count} records without a date: their time is left out" if count else ""
     if first and (steps >= 0).all() and (steps <= LONGEST_PAUSE).all():
         gap = int(clock[first] - clock[first - 1]) % DAY_MS
         usual = int(np.median(np.diff(clock[is_date]))) if is_date.sum() > 1 else 1000
         clock[:first] += clock[first] - clock[first - 1] - (gap if gap <= LONGEST_PAUSE else usual)
-        told = f"{first} records without a date: put before the first that has one"
-        told += f", {count - first} later ones have no time" if count > first else ""
+        note = f"{first} records without a date: put before the first that has one"
+        note += f", {count - first} later ones have no time" if count > first else ""
         is_date[:first] = True
     times = EPOCH + clock.astype("timedelta64[ms]")
     times[~is_date] = np.datetime64("NaT")
-    return times, told
+    return times, note
 
 
 def _record_end(data: bytes, at: int, layout: Layout) -> int:
@@ -404,10 +405,12 @@ class TaskData:
         for log in self.logs:
             rows = slice(start, start + len(log))
             start += len(log)
-            quantities, told = _quantities(log, self.described)
+            quantities, found_notes = _quantities(log, self.described)
             at_work = _at_work(log, self.described)
             if (at_work < 1.0).any():
-                told.append(f"header width: that of the sections at work, {at_work.min():.0%} at least")
+                found_notes.append(
+                    f"header width: that of the sections at work, {at_work.min():.0%} at least"
+                )
             if WIDTH in quantities:
                 is_logged = True
                 if (
@@ -417,8 +420,10 @@ class TaskData:
             else:
                 width, what = self.described.width_of(self._machines(log), _marks(log))
                 stated[rows] = (width or np.nan) * at_work
-                told += [f"header width: the machine states {width:g} m ({what}), the log none"] * bool(width)
-            notes.update(told)
+                found_notes += [
+                    f"header width: the machine states {width:g} m ({what}), the log none"
+                ] * bool(width)
+            notes.update(found_notes)
             for name, values in quantities.items():
                 made.setdefault(name, np.full(len(self), np.nan))[rows] = values
         if is_logged:
@@ -473,8 +478,8 @@ def _quantities(log: TimeLog, described: Description) -> tuple[dict[str, Array],
             made |= {f"{name}_{slug(log.channels[k].element)}": log.values[:, k] for k in reversed(group)}
         rule = TOGETHER.get(log.channels[group[0]].ddi)
         if rule and len(there) > 1:
-            made[name], told = _of_machine(log, described, there, rule)
-            notes += [f"{name}: {told}"] * bool(told)
+            made[name], made_notes = _of_machine(log, described, there, rule)
+            notes += [f"{name}: {made_notes}"] * bool(made_notes)
     width = next((n for ddi in WIDTHS if np.isfinite(made.get(n := DDI[ddi].name + "_m", np.nan)).any()), "")
     if width:
         made[WIDTH] = made[width]

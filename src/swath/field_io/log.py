@@ -51,7 +51,7 @@ PLAUSIBLE: dict[str, tuple[float, float]] = {
 _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width": "m"}
 """A bad value here breaks the row, elsewhere the cell."""
 MOST_JUDGED = 10_000  # records on which another reading of the positions is judged
-MANY = 0.2  # of the rows: so many left out for one reason are told
+MANY = 0.2  # of the rows: so many left out for one reason are reported
 LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
 LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the clock has coarse steps
 LEAST_COPIED = 0.2  # of the rows that are there a second time: with less a machine stood
@@ -66,8 +66,11 @@ class Log:
     """Records sorted by machine, then time; all arrays have one entry per record, shape (n,).
 
     machine: index into machine_names; time [s]; duration [s] since the record before; east, north [m] in
-    epsg; elevation [m], nan = none; speed [m/s]; width: of the header in use [m]; flow: grain [kg/s];
-    moisture: share of the wet mass, nan = none; crop_height [m], nan = none; crop: data sheet
+        epsg; elevation [m], nan = none; speed [m/s]
+    width: of the header in use [m]
+    flow: grain [kg/s]
+    moisture: share of the wet mass, nan = none; crop_height [m], nan = none
+    crop: data sheet
     row_number: line or record of the file
     row_count: rows in the file. broken: reason -> rows left out. notes: what was assumed.
     """
@@ -544,7 +547,7 @@ def _assemble(
     path: Path,
     as_map: bool,
 ) -> Log:
-    """Project, sort, tell machines apart and fill in what follows from other columns."""
+    """Project, sort, distinguish machines and fill in what follows from other columns."""
     epsg = utm_epsg(*np.median(lon_lat, axis=0))
     east, north = transform(lon_lat, "EPSG:4326", f"EPSG:{epsg}").T
     names, machine, notes = declared_machines(table, found, good)
@@ -565,7 +568,7 @@ def _assemble(
         machine = separate_machines(time, east, north)
         names = tuple(str(i + 1) for i in range(machine.max() + 1))
         if len(names) > 1:
-            notes.append(f"no machine column: {len(names)} machines told apart by their positions")
+            notes.append(f"no machine column: {len(names)} machines distinguished by their positions")
     order = np.lexsort((time, machine))
     machine, time, east, north = machine[order], time[order], east[order], north[order]
     values = {k: v[order] for k, v in values.items()}

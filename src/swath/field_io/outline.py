@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra, some_of
+from swath.core.errors import Extra, InputError, some_of
 from swath.documents.geojson import read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
@@ -35,8 +35,10 @@ NAMES = ("name", "field", "fieldname", "field_name", "title", "schlag", "parcell
 
 @dataclass(frozen=True)
 class Outlines:
-    """Areas of crop that a boundary file holds, largest first, in metres of a system. names: of the areas, ''
-    where the file has none; notes: what within them was taken as what.
+    """Areas of crop that a boundary file holds, largest first, in metres of a system.
+
+    names: of the areas, '' where the file has none
+    notes: what within them was taken as what
     """
 
     areas: tuple[Any, ...]
@@ -282,7 +284,7 @@ def rings(polygon: Any) -> tuple[Array, tuple[Array, ...]]:
 
 
 def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
-    """Which points, shape (n, 2), lie in the polygon."""
+    """Whether points, shape (n, 2), lie in the polygon."""
     shapely = _shapely()
     shapely.prepare(polygon)
     return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]))
@@ -291,9 +293,9 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
 def _from_geojson(path: Path, epsg: int | None) -> tuple[list[Shape], str, list[str]]:
     found, name = read_shapes(path, "boundary", "GeoJSON or a polygon shapefile")
     shapes, attributes = [], dict[str, None]()
-    for geometry, told in found:
-        attributes |= dict.fromkeys(map(str, told))
-        called = next((str(v) for k, v in told.items() if k.lower() in NAMES and v), "")
+    for geometry, found_notes in found:
+        attributes |= dict.fromkeys(map(str, found_notes))
+        called = next((str(v) for k, v in found_notes.items() if k.lower() in NAMES and v), "")
         shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
     if are_records(len(shapes), list(attributes), path):
         expected = "expected an outline, each has a yield: records of a log, which a .csv or .shp holds"
@@ -406,10 +408,8 @@ def largest(shape: Any, path: Path | None = None) -> Any:
 
 
 def _shapely() -> Any:
-    try:
+    with Extra("geo", "field outlines"):
         import shapely
         import shapely.geometry
         import shapely.geometry.polygon
-    except ImportError as error:
-        raise MissingExtra("geo", "field outlines") from error
     return shapely

@@ -1,4 +1,4 @@
-"""A log is one thing only where it is: its parts are told apart before it is judged.
+"""A log is one thing only where it is: its parts are separated before it is judged.
 
 Rows that are there twice count once, sections side by side are one header. Two harvests of
 one ground, and two fields are several: the log is refused, or the part that is asked for is taken.

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from swath.field_io.folder import FieldFolder
 
 MACHINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito 2008: told apart with every kind of colour vision."""
+"""Okabe and Ito 2008: distinguished with every kind of colour vision."""
 INK, LINES = "#222222", "#555555"
 STYLE = {
     "axes.titlelocation": "left", "axes.titlesize": 11, "axes.labelsize": 9, "axes.spines.right": False,

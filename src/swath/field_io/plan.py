@@ -152,8 +152,14 @@ def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[
     """
     if is_outline(path):
         found = outline.read_outlines(path)
-        polygon, told = found.field()
-        return Part("", ""), polygon, found.epsg, 0.0, ["an outline alone: the crop stands evenly", *told]
+        polygon, found_notes = found.field()
+        return (
+            Part("", ""),
+            polygon,
+            found.epsg,
+            0.0,
+            ["an outline alone: the crop stands evenly", *found_notes],
+        )
     if is_agopengps(path):
         field = read_agopengps(path)
         part = field.part(path.name)
@@ -243,8 +249,8 @@ def local_line(pattern: Pattern, origin: Origin) -> Array:
     points = origin.to_local(drawn(pattern))
     if len(points) != 2:
         return points
-    way = points[1] - points[0]
-    beyond = way * (BEYOND / max(float(np.hypot(*way)), 1e-9))
+    direction = points[1] - points[0]
+    beyond = direction * (BEYOND / max(float(np.hypot(*direction)), 1e-9))
     return np.array([points[0] - beyond, points[1] + beyond])
 
 

@@ -98,9 +98,9 @@ def speed_of(
     step = np.hypot(np.diff(east), np.diff(north))
     pace = step / duration[1:]
     goes_on = (np.diff(machine) == 0) & (np.diff(time) <= PAUSE) & (pace <= TOO_FAST * np.median(pace))
-    way, took = np.where(goes_on, step, 0.0), np.where(goes_on, duration[1:], 0.0)
-    way, took = np.r_[0.0, way] + np.r_[way, 0.0], np.r_[0.0, took] + np.r_[took, 0.0]
-    speed = way / np.where(took > 0.0, took, 1.0)
+    driven, took = np.where(goes_on, step, 0.0), np.where(goes_on, duration[1:], 0.0)
+    driven, took = np.r_[0.0, driven] + np.r_[driven, 0.0], np.r_[0.0, took] + np.r_[took, 0.0]
+    speed = driven / np.where(took > 0.0, took, 1.0)
     if "distance" in found.columns:
         logged = values["distance"] / duration
         speed = np.where(np.isfinite(logged), logged, speed)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.documents.packed import LARGEST_BYTES, open_archive
 from swath.field_io.columns import FLOWS, guess
 
@@ -115,10 +115,8 @@ def _rings(shape: Any) -> list[Any]:
 
 
 def _reader(**files: Any) -> Any:
-    try:
+    with Extra("geo", "reading a shapefile"):
         import shapefile
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a shapefile") from error
     return shapefile.Reader(**files, encodingErrors="replace")
 
 

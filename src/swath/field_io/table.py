@@ -51,8 +51,10 @@ class Table:
     """Columns of a log as read. columns: name -> its cells as text, list or array; all as long as row_number.
 
     row_number: line of the text file, or record number of the shapefile, counted from 1
-    points: (x, y) of each record, shape (n, 2), when the file has geometry; crs: of the points (WKT), or ''
-    broken: reason -> rows left out while reading; notes: what could not be read, file and byte
+    points: (x, y) of each record, shape (n, 2), when the file has geometry
+    crs: of the points (WKT), or ''
+    broken: reason -> rows left out while reading
+    notes: what could not be read, file and byte
     units: column -> unit, and crop: what the maker's metadata say beside the table
     stated_width: of the header [m], shape (n,), that the machines state and no record holds
     """
@@ -95,7 +97,7 @@ class Cells:
         return (cell for block in self._blocks for cell in block.to_pylist())
 
     def numbers(self) -> Array:
-        """As numbers, nan where a cell is none."""
+        """A column as numbers, nan where a cell is none."""
         return np.concatenate([_floats(block) for block in self._blocks] or [np.zeros(0)])
 
 
@@ -135,8 +137,8 @@ def _read_isoxml(path: Path) -> Table:
     rows, broken = np.arange(1, len(data) + 1), {"unreadable": places}
     columns, width, notes = data.table()
     crop = "" if "crop" in columns else max(data.crops)
-    told = (*notes, *data.problems)
-    return Table(columns, rows, None, "", broken, told, crop=crop, stated_width=width)
+    all_notes = (*notes, *data.problems)
+    return Table(columns, rows, None, "", broken, all_notes, crop=crop, stated_width=width)
 
 
 def _or_cp1252(error: UnicodeError) -> tuple[str, int]:
@@ -166,7 +168,7 @@ def _head(path: Path) -> bytes:
 
 
 def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
-    """Read it row by row; start: of the file, which tells what it is."""
+    """Read it row by row; start: of the file, which shows what it is."""
     is_wide = start.startswith(UTF_16)
     if b"\x00" in start and not is_wide:
         raise InputError("log", None, f"{_EXPECTED}, this is binary", file=path)

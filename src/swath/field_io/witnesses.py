@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.witness import Pair, judge, outside
 from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
@@ -77,7 +77,7 @@ class Thresholds:
     units; most_turns: from one to the other, in the order of the rows
     even_moisture: 10th to 90th percentile over the median; 0.1 to 0.2 in the logs above, the
     flow 0.7
-    as_flow: the same of the moisture over that of the flow; told, refused
+    as_flow: the same of the moisture over that of the flow; noted, refused
     american [deg]: west, east, south, north of where acres are usual
     """
 
@@ -118,8 +118,10 @@ AT = Thresholds()
 class Drive:
     """What positions show without any unit.
 
-    middle: lon, lat [deg]; here, after: records and those that follow them, shape (m,); step: way between
-    them [m]; spacing: between neighbouring parallel passes [m], nan = not regular
+    middle: lon, lat [deg]
+    here, after: records and those that follow them, shape (m,)
+    step: way between them [m]
+    spacing: between neighbouring parallel passes [m], nan = not regular
     """
 
     middle: tuple[float, float]
@@ -153,10 +155,10 @@ def drive_of(
     x, y = position[order].T
     best, follows = np.full(len(order), np.inf), np.zeros(len(order), dtype=np.int64)
     for ahead in range(1, min(AT.ahead, len(order) - 1) + 1):
-        way = np.hypot(x[ahead:] - x[:-ahead], y[ahead:] - y[:-ahead])
-        way[(machine[order[ahead:]] != machine[order[:-ahead]]) | (way < AT.least_step)] = np.inf
-        nearer = np.flatnonzero(way < best[:-ahead])
-        best[nearer], follows[nearer] = way[nearer], nearer + ahead
+        driven = np.hypot(x[ahead:] - x[:-ahead], y[ahead:] - y[:-ahead])
+        driven[(machine[order[ahead:]] != machine[order[:-ahead]]) | (driven < AT.least_step)] = np.inf
+        nearer = np.flatnonzero(driven < best[:-ahead])
+        best[nearer], follows[nearer] = driven[nearer], nearer + ahead
     found = np.flatnonzero(best <= AT.longest * _median(best[np.isfinite(best)]))
     lon, lat = np.median(lon_lat[order], axis=0) if len(order) else (0.0, 0.0)
     drive = Drive((float(lon), float(lat)), order[found], order[follows[found]], best[found])
@@ -165,15 +167,13 @@ def drive_of(
 
 def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> float:
     """Median distance from a cutting record to the nearest parallel pass of its season on each side [m]."""
-    try:
+    with Extra("geo", "reading a yield log"):
         from scipy.spatial import cKDTree
-    except ImportError as error:
-        raise MissingExtra("geo", "reading a yield log") from error
     both = cutting[drive.here] & cutting[drive.after]
     if both.sum() < AT.fewest:
         return np.nan
-    place, way = position[drive.here[both]], position[drive.after[both]] - position[drive.here[both]]
-    forward = way / np.hypot(*way.T)[:, None]
+    place, direction = position[drive.here[both]], position[drive.after[both]] - position[drive.here[both]]
+    forward = direction / np.hypot(*direction.T)[:, None]
     beside, own = AT.beside * float(np.median(drive.step)), season[drive.here[both]]
     some = np.unique(np.linspace(0, len(place) - 1, min(AT.places, len(place))).astype(int))
     tree, gaps = cKDTree(place), np.full((len(some), 2), np.inf)
@@ -200,8 +200,11 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
 
 @dataclass(frozen=True)
 class Logged:
-    """What a log says. raw: columns, and those beside, in their own units; time: in clock_units, None = no
-    clock; course: clockwise from north [deg]; width: of the header, where no column says it [m].
+    """What a log says.
+
+    raw: columns, and those beside, in their own units
+    time: in clock_units, None = no clock course: clockwise from north [deg]
+    width: of the header, where no column says it [m]
     """
 
     columns: Mapping[str, Column]

@@ -151,7 +151,7 @@ class Greedy:
     """The option that costs the least time now; of those alike the one whose cart is free first."""
 
     def decide(self, state: State) -> Option:
-        """One of the options."""
+        """Choose one of the options."""
         return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free))
 
 
@@ -164,7 +164,7 @@ class Horizon:
         self._random = Stream(draw, "horizon").at() if draw else None
 
     def decide(self, state: State) -> Option | None:
-        """One of the options, or None."""
+        """Choose one of the options, or None."""
         off = np.zeros(len(state.options))
         if self._random is not None:
             off = self._random.uniform(0.0, PARAMS.off_s, len(off))

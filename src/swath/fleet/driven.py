@@ -138,8 +138,11 @@ class _Pour:
 
 
 class _Mover:
-    """A machine on its path. at: how far it has come [m]; speed [m/s]; k: number of its segment among its
-    own; since: when it entered it [s].
+    """A machine on its path.
+
+    at: how far it has come [m]; speed [m/s]
+    k: number of its segment among its own
+    since: when it entered it [s]
     """
 
     def __init__(self, machine: Combine | Cart, segments: list[Segment]) -> None:
@@ -197,7 +200,7 @@ class _Mover:
 
     @property
     def segment(self) -> Segment:
-        """Where it is."""
+        """Segment that the machine is on."""
         return self.segments[self.k]
 
     def drive(self, goal: float, most: float) -> None:
@@ -492,7 +495,7 @@ class _Drive:
             m.spans.append(span)
 
     def who_waits(self) -> str:
-        """All that stand, and for whom."""
+        """Machines that stand, and for whom they wait."""
         return ", ".join(
             f"{name} in {m.segment.kind} at ({m.x:.0f}, {m.y:.0f}): {m.spans[-1].state} {m.spans[-1].reason}"
             for name, m in self.movers.items()

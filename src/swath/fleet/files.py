@@ -160,8 +160,9 @@ class TruckSettings:
 @dataclass(frozen=True)
 class FleetSettings:
     """dispatcher: `horizon`, `greedy`, or a Python class of your own as `my.py:Class`, see dispatcher.py;
-    plans: most that are compared, the best one is taken; draw: number by which the estimates of `horizon` are
-    off at random, as some of these plans have it, 0: they are not.
+    plans: most that are compared, the best one is taken
+    draw: number by which the estimates of `horizon` are off at random, as some of these plans have it, 0:
+        they are not.
     """
 
     dispatcher: str = "horizon"
@@ -191,8 +192,11 @@ class JobKeys:
 
 @dataclass(frozen=True, kw_only=True)
 class JobFile(JobKeys):
-    """A job as read. drawn: lines of its file, [x, y] as passes are [m]; yields: middles of squares of its
-    log, x, y [m], and what it has there [kg/m2]; notes: what is to be told of it.
+    """A job as read.
+
+    drawn: lines of its file, [x, y] as passes are [m]
+    yields: middles of squares of its log, x, y [m], and what it has there [kg/m2]
+    notes: notes on it
     """
 
     drawn: tuple[Line, ...] = ()
@@ -349,7 +353,7 @@ def _header(job: JobFile, base: Path | None) -> float:
 
 
 def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFile, list[str]]:
-    """With the outlines of a file or log, and what is to be told of them."""
+    """With the outlines of a file or log, and notes on them."""
     field, name = job.field, job.field.file or job.field.log
     assert name is not None
     path = Path(name) if base is None else base / name
@@ -488,7 +492,7 @@ def read_log_field(path: Path) -> FileField:
 
 
 def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, float], ...], list[str]]:
-    """Mean yields of squares, and what is to be told of them. position (n, 2) [m]; grain (n,) [kg/m2]."""
+    """Mean yields of squares, and notes on them. position (n, 2) [m]; grain (n,) [kg/m2]."""
     if not len(grain):
         return (), []
     squares, number = np.unique(np.floor(position / SQUARE), axis=0, return_inverse=True)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.fleet.files import SQUARE, JobFile
 from swath.fleet.machines import Body, Place
 from swath.fleet.outlines import outlines_of
@@ -44,19 +44,20 @@ PARAMS = Params()
 
 def shapely_here() -> Any:
     """The module shapely, of the extra `geo`."""
-    try:
+    with Extra("geo", "plans of fields"):
         import shapely
-    except ImportError:
-        raise MissingExtra("geo", "plans of fields") from None
     return shapely
 
 
 @dataclass
 class Grid:
-    """Free ground in cells, shape (n, m). west, south: of the first [m]; cell [m]; edge: of the middle of
-    each, the distance to closed ground, < 0 in it [m], 9 beyond 2 m; free_from: the time from which no
-    crop stands there [s], -1 for ground without crop, -2 for closed ground, 1e18 for crop that stays;
-    changed: rows and columns in which crop was cut, in order.
+    """Free ground in cells, shape (n, m).
+
+    west, south: of the first [m]; cell [m]
+    edge: of the middle of each, the distance to closed ground, < 0 in it [m], 9 beyond 2 m
+    free_from: the time from which no crop stands there [s], -1 for ground without crop, -2 for closed ground,
+        1e18 for crop that stays
+    changed: rows and columns in which crop was cut, in order
     """
 
     west: float
@@ -115,7 +116,7 @@ class Ground:
 
     @property
     def truck_m(self) -> float:
-        """From the field to the truck [m]."""
+        """Distance from the field to the truck [m]."""
         return math.dist(self.gate, self.dock[:2])
 
     def _check_ways(self, shapely: Any, parts: tuple[Any, ...], job: JobFile) -> None:

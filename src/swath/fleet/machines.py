@@ -116,7 +116,7 @@ class Body:
 
     @property
     def half_width(self) -> float:
-        """Of the widest rectangle [m]."""
+        """Half the width of the widest rectangle [m]."""
         return max(max(r.left, -r.right) for r in (*self.own, *self.towed))
 
     @property
@@ -193,9 +193,13 @@ def body_of(sheet: MachineSheet) -> Body:
 
 @dataclass(frozen=True, order=True)
 class Drive:
-    """How a machine drives on ways. radius: of its tightest turn [m]; turning, straight, backwards: speeds
-    [m/s], 0 where it does not reverse; accel: of its speed, up and down [m/s2]; shift: from forwards to
-    backwards or back [s]; steering: how fast its curvature changes [1/(m s)].
+    """How a machine drives on ways.
+
+    radius: of its tightest turn [m]
+    turning, straight, backwards: speeds [m/s], 0 where it does not reverse
+    accel: of its speed, up and down [m/s2]
+    shift: from forwards to backwards or back [s]
+    steering: how fast its curvature changes [1/(m s)]
     """
 
     radius: float
@@ -270,7 +274,7 @@ class Machines:
 
     @property
     def by_name(self) -> dict[str, Combine | Cart]:
-        """All that move, in the order of the file."""
+        """All machines that move, in the order of the file."""
         named: dict[str, Combine | Cart] = {m.name: m for m in self.combines}
         named |= {k.name: k for k in self.carts}
         return {name: named[name] for name in self.listed if name in named}

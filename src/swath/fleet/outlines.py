@@ -142,8 +142,8 @@ def _frame_of(job: JobFile, view: Frame, rings: list[Array]) -> Frame:
 
 def _simpler(shapely: Any, ring: Array) -> Array:
     """A ring anticlockwise, with few points, of the same area."""
-    before = shapely.Polygon(ring)
-    corners = _within(_within(_anticlockwise(ring), STRAIGHT), TOLERANCE)
+    ring = _within(_anticlockwise(ring), STRAIGHT)
+    before, corners = shapely.Polygon(ring), _within(ring, TOLERANCE)
     corners = np.roll(corners, -np.lexsort(corners.T[::-1])[0], axis=0)
     after = shapely.Polygon(corners)
     for _ in range(ROUNDS):
@@ -151,7 +151,7 @@ def _simpler(shapely: Any, ring: Array) -> Array:
             wider = (before.area - after.area) / after.length
             after = after.buffer(wider, join_style="mitre", mitre_limit=20.0)
     if not after.is_valid or after.geom_type != "Polygon" or after.is_empty:
-        return _within(_anticlockwise(ring), STRAIGHT)
+        return ring
     moved = np.round(_anticlockwise(shapely.get_coordinates(after.exterior)[:-1]) / GRAIN) * GRAIN
     return np.roll(moved, -np.lexsort(moved.T[::-1])[0], axis=0)
 

@@ -94,7 +94,7 @@ class Plan:
     notes: tuple[str, ...] = ()
 
     def write(self, path: Path) -> None:
-        """As JSON, in the field's frame [m]."""
+        """Write the plan as JSON, in the field's frame [m]."""
         rows = {"area_m2": self.area, "left_m2": self.left, "passes": [asdict(p) for p in self.passes]}
         write_whole(path, json.dumps(rows, indent=1) + "\n")
 
@@ -140,7 +140,7 @@ def plan_of(
 def _lines_of_others(
     ground: Ground, header: float, settings: PlanSettings, drawn: Sequence[Any]
 ) -> tuple[list[Array], list[str]]:
-    """Both ends of each line that is a pass, (2, 2) each, and what to tell of lines of a file.
+    """Both ends of each line that is a pass, (2, 2) each, and notes on lines of a file.
 
     InputError for passes that are not straight, or hardly longer than a point.
     """

@@ -1,6 +1,7 @@
 """What a job comes to, in words, numbers and pictures: tables, results.json, report.html, replay.html."""
 
 import math
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from swath.fleet.machines import Cart
 from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, Worked, checked, grain, litres_per_ha, stays, used
 from swath.replay.writer import packed, render
 from swath.report import plots
-from swath.report.html import Figure, Items, Section, Table, write_page
+from swath.report.html import Beside, Figure, Items, Section, Table, counted, write_page
 
 Array = NDArray[np.float64]
 SCRIPTS = ("data", "timeline", "job")
@@ -27,6 +28,9 @@ ABOUT_MINUTES = (
     "Field efficiency: the area over what the headers could cut at the speed that the crop allows, in the "
     "time until the last pass is cut. load: a cart while grain flows into it. Who meets a partner waits "
     "for it, or for ground that another one has; diesel of carts is an estimate."
+)
+ABOUT_ROUTES = (
+    "Swaths of combines as wide as their headers, coloured by when they were cut; paths of carts by when."
 )
 DOES = plots.CROP, plots.SKY, plots.PURPLE, "#8cccb0", plots.GREEN, plots.BLUE
 COLOURS = dict(zip(SHOWN, (*DOES, plots.ORANGE, "#f2a97c", "#8c2d04", plots.GREY), strict=True))
@@ -142,93 +146,134 @@ def to_dict(w: Worked) -> dict[str, Any]:
 def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     """Write the files of a job."""
     out.mkdir(parents=True, exist_ok=True)
-    fig = draw(w)
-    plots.write_picture(out / "job.png", fig)
+    plots.write_picture(out / "job.png", draw(w))
     write_json(out / "results.json", {"name": name, **to_dict(w)})
     w.schedule.plan.write(out / "plan.json")
     write_replay(w, name, f"{summary}; level {w.level}", out)
     head, rows = machine_rows(w)
     notes = checked(w)
+    routes = [Figure("", plots.as_image(_drawn(_route, w, machine)), f"`{machine}`") for machine in w.spans]
     sections = [
-        Section(
-            "Results", [Table("", ("", "", "unit"), result_rows(w), (1,)), "[Replay from above](replay.html)"]
-        ),
-        Figure("Field and machines", plots.as_image(fig), "Map of the passes and timeline of the machines"),
-        Table("Minutes of each machine", head, rows, range(1, len(head)), ABOUT_MINUTES),
+        Table("Results", ("", "", "unit"), result_rows(w), (1,)),
+        Section("Notes", [Items(notes)] if notes else []),
+        Section("Route of each machine", [ABOUT_ROUTES, Beside(routes, "pair")]),
+        Section("Where time went", [
+            Figure("", plots.as_image(_drawn(_times, w)), "Minutes of each machine, and when it did what"),
+            Table("", head, rows, range(1, len(head)), ABOUT_MINUTES),
+        ]),
         Table("What machines waited for", ("machine", "for", "min"), wait_rows(w), (2,)),
         Table("Loads from combines to carts", LOADS, pair_rows(w), (1, 2, 3)),
-        Section("Notes", [Items(notes)] if notes else []),
-    ]
-    lead = f"{summary}; machines at the level {w.level}"
-    write_page(out / "report.html", sections, heading=name, title=f"{name}, fleet", lead=lead)
+    ]  # fmt: skip
+    write_page(
+        out / "report.html", sections, heading=name, title=f"{name}, fleet", lead=outcome(w),
+        top=(f"{summary}; machines at the level {w.level}. [Replay from above](replay.html)",),
+    )  # fmt: skip
+
+
+def outcome(w: Worked) -> str:
+    """What a job takes, and how far that is from the least that any plan could take."""
+    took, bound = f"**{w.ends / 3600.0:.2f} h** until the last grain is at the truck", w.schedule.bound
+    if bound <= 0.0:
+        return took
+    plans = counted(len(w.schedule.compared), "plan")
+    gap = 100.0 * (w.ends / bound - 1.0)
+    return f"{took}, the best of {plans}; none takes less than {bound / 3600.0:.2f} h (gap {gap:.0f} %)"
 
 
 def draw(w: Worked) -> Any:
     """Map above, timelines below."""
+    return _drawn(_job, w)
+
+
+def _drawn(on: Callable[..., Any], *args: Any) -> Any:
     import matplotlib as mpl
 
     with mpl.rc_context(plots.STYLE):
-        fig = plots.figure(11.0, 7.6 + 0.5 * len(w.spans))
-        grid = fig.add_gridspec(2, 1, height_ratios=(6.0, 0.9 + 0.5 * len(w.spans)))
-        _map(fig, fig.add_subplot(grid[0]), w)
-        _timelines(fig.add_subplot(grid[1]), w)
+        return on(*args)
+
+
+def _job(w: Worked) -> Any:
+    fig = plots.figure(11.0, 7.6 + 0.5 * len(w.spans))
+    grid = fig.add_gridspec(2, 1, height_ratios=(6.0, 0.9 + 0.5 * len(w.spans)))
+    _map(fig, fig.add_subplot(grid[0]), w, list(w.spans))
+    _timelines(fig.add_subplot(grid[1]), w)
     return fig
 
 
-def _map(fig: Any, ax: Any, w: Worked) -> None:
-    """Field and holes, passes coloured by when they are cut, ways, waiting places."""
-    import matplotlib as mpl
+def _route(w: Worked, name: str) -> Any:
+    fig = plots.figure(5.4, 4.0)
+    _map(fig, fig.add_subplot(), w, [name])
+    return fig
 
-    ground = w.schedule.ground
+
+def _times(w: Worked) -> Any:
+    """Minutes of each machine above, when it did what below."""
+    fig = plots.figure(11.0, 2.2 + 0.8 * len(w.spans))
+    above, below = fig.subplots(2, 1)
+    for row, name in enumerate(w.spans):
+        start = 0.0
+        for state in SHOWN:
+            minutes = w.minutes(name, state)
+            above.barh([row], [minutes], 0.72, start, color=COLOURS[state])
+            start += minutes
+    above.set(xlabel="min in all", xlim=(0.0, w.ends / 60.0))
+    _rows_of_machines(above, w)
+    _timelines(below, w, has_legend=False)
+    return fig
+
+
+def _map(fig: Any, ax: Any, w: Worked, names: Sequence[str]) -> None:
+    """Field and holes, swaths of machines as wide as they are and their paths, coloured by when."""
+    import matplotlib as mpl
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    ground, hours = w.schedule.ground, mpl.colors.Normalize(0.0, max(w.ends, 1.0) / 3600.0)
     for part in shapely_here().get_parts(ground.field):
         for k, ring in enumerate([part.exterior, *part.interiors]):
-            x, y = ground.frame.to_map(np.asarray(ring.coords)).T
-            ax.fill(x, y, color="white" if k else "#F7F4EC", ec=plots.INK, lw=1.0, zorder=0)
-    shades = mpl.colormaps["viridis"]
-    cuts: dict[str, list[tuple[float, float]]] = {
-        name: [(s.begin, s.end) for s in spans if s.state == CUT] for name, spans in w.spans.items()
-    }
-    machines = w.schedule.machines.by_name
-    shown: set[str] = set()
-    for name in w.spans:
-        planned = [s for s in w.schedule.table.segments if s.machine == name]
-        towed = isinstance(machines[name], Cart)
-        for s in planned:
-            rows = s.path.track.places[s.path.first[s.index] : s.path.last[s.index] + 1]
-            x, y = ground.frame.to_map(rows[:, :2]).T
-            if s.kind == CUT:
-                ax.plot(x, y, color=shades(0.92 * s.into / max(w.ends, 1.0)), lw=1.6)
-                continue
-            label = "ways of carts" if towed else "ways of combines"
-            ax.plot(
-                x, y, color=plots.ORANGE if towed else plots.GREY, lw=0.5, zorder=1,
-                label=None if label in shown else label,
-            )  # fmt: skip
-            shown.add(label)
-    x, y = ground.frame.to_map(np.array([ground.truck_place[:2]]))[0]
-    ax.plot([x], [y], marker="s", ms=8, color=plots.BLUE, ls="none", label="truck")
-    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=4)
-    ax.set_aspect("equal")
+            x, y = _mapped(w, np.asarray(ring.coords)).T
+            ax.fill(x, y, color="#ffffff" if k else plots.SOIL, ec=plots.INK, lw=0.8, zorder=0)
+    shades: dict[str, Any] = {"cmap": "viridis", "norm": hours}
+    for name in names:
+        ends, width, begins, _ = np.split(_cuts(w, [name]), (4, 5, 6), axis=1)
+        a, b = ends[:, :2], ends[:, 2:]
+        along = (b - a) / np.maximum(np.hypot(*(b - a).T), 1e-9)[:, None]
+        aside = 0.5 * width * np.column_stack([-along[:, 1], along[:, 0]])
+        strips = np.stack([a - aside, b - aside, b + aside, a + aside], axis=1)
+        ax.add_collection(PolyCollection([*strips], array=begins[:, 0] / 3600.0, lw=0.0, zorder=1, **shades))
+        rows = thinned(_track(w, name))
+        line = np.stack([rows[:-1, 1:3], rows[1:, 1:3]], axis=1)
+        look = (
+            {"colors": plots.GREY, "lw": 0.5} if len(strips) else {"array": rows[:-1, 0] / 3600.0, "lw": 1.0}
+        )
+        ax.add_collection(LineCollection([*line], zorder=2, **look, **({} if len(strips) else shades)))
+    ((x, y),) = _mapped(w, np.array([ground.truck_place[:2]]))
+    ax.plot([x], [y], marker="s", ms=6, color=plots.BLUE, ls="none", label="truck")
+    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.autoscale()
     ax.grid(visible=False)
     ax.set(xlabel="east [m]", ylabel="north [m]")
-    last = max((end for spans in cuts.values() for _, end in spans), default=1.0)
-    scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(0.0, last / 3600.0), shades)
-    fig.colorbar(scale, ax=ax, label="cut after [h]", shrink=0.8, pad=0.01)
+    fig.colorbar(mpl.cm.ScalarMappable(hours, "viridis"), ax=ax, label="after [h]", shrink=0.8, pad=0.01)
 
 
-def _timelines(ax: Any, w: Worked) -> None:
-    """A bar per machine."""
+def _timelines(ax: Any, w: Worked, has_legend: bool = True) -> None:
+    """When each machine did what."""
     for row, spans in enumerate(w.spans.values()):
         for state in SHOWN:
             bars = [(s.begin / 3600.0, (s.end - s.begin) / 3600.0) for s in spans if s.shown == state]
             ax.broken_barh(bars, (row - 0.36, 0.72), color=COLOURS[state], lw=0)
-    for state in SHOWN:
-        ax.barh([0], [0], color=COLOURS[state], label=state)
+    ax.set(xlabel="time [h]", xlim=(0.0, w.ends / 3600.0))
+    _rows_of_machines(ax, w, has_legend)
+
+
+def _rows_of_machines(ax: Any, w: Worked, has_legend: bool = True) -> None:
     ax.set_yticks(range(len(w.spans)), list(w.spans))
     ax.invert_yaxis()
-    ax.set(xlabel="time [h]", xlim=(0.0, w.ends / 3600.0))
     ax.grid(visible=False)
-    ax.legend(ncol=5, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    if has_legend:
+        for state in SHOWN:
+            ax.barh([0], [0], color=COLOURS[state], label=state)
+        ax.legend(ncol=5, loc="lower left", bbox_to_anchor=(0.0, 1.0))
 
 
 def write_replay(w: Worked, name: str, about: str, out: Path) -> Path:
@@ -311,12 +356,14 @@ def thinned(rows: Array) -> Array:
     return rows
 
 
-def _cuts(w: Worked) -> Array:
-    """What headers go over: middle of the knife from and to [m], width [m], from and to [s]; (n, 7)."""
+def _cuts(w: Worked, names: Collection[str] = ()) -> Array:
+    """What headers of machines, by default of all, go over: middle of the knife from and to, width [m], from
+    and to [s]; (n, 7).
+    """
     machines = w.schedule.machines.by_name
     rows = []
     for s, into, out in stays(w):
-        if s.kind != CUT:
+        if s.kind != CUT or (names and s.machine not in names):
             continue
         m = machines[s.machine]
         assert not isinstance(m, Cart)

@@ -121,13 +121,13 @@ class CartState:
 
     @property
     def starts(self) -> list[Start]:
-        """Where it may set out from, the earliest first."""
+        """Places from which it may set out, the earliest first."""
         home = Start(self.home, self.time)
         return [home] if self.loaded is None else [self.loaded, home]
 
     @property
     def room(self) -> float:
-        """That is left in its box [kg]."""
+        """Room that is left in its box [kg]."""
         return self.spec.load - self.load
 
     @property
@@ -152,8 +152,10 @@ class _Trip:
 
 @dataclass(frozen=True)
 class Poured:
-    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]; during: first and last
-    segment of the source in which it is.
+    """Grain handed over.
+
+    source, target: machines; amount [kg]; begins, ends [s]
+    during: first and last segment of the source in which it is
     """
 
     source: str
@@ -472,7 +474,7 @@ class Scheduler:
         raise InputError("fleet.dispatcher", str(chosen), "expected one of the options of the state")
 
     def state(self, c: CombineState, options: tuple[Option, ...]) -> State:
-        """What a dispatcher is told."""
+        """What a dispatcher knows."""
         carts = {k.spec.name: (k.starts[0].time, k.room) for k in self.carts}
         others = {
             o.spec.name: Ahead(o.time, o.tank, o.spec.tank, self.fills(o))
@@ -700,7 +702,7 @@ class Scheduler:
         return find(goal, in_line=line)
 
     def names(self) -> list[str]:
-        """Of all machines that move."""
+        """Names of all machines that move."""
         return [c.spec.name for c in self.combines] + [k.spec.name for k in self.carts]
 
     def last_of(self, name: str) -> Any:
@@ -828,8 +830,10 @@ class Scheduler:
         self, c: CombineState, k: CartState, leg: _Leg, levels: Array, meets: list[list[int]],
         times: list[float] | None, start: Start,
     ) -> tuple[Option, Any] | None:  # fmt: skip
-        """A cart drives beside the combine in its pass, over cut ground, and is poured into. meets: who is
-        met on the leg; times: its first ones [s].
+        """A cart drives beside the combine in its pass, over cut ground, and is poured into.
+
+        meets: who is met on the leg
+        times: its first ones [s]
         """
         ahead, left = beside(c.spec, k.spec)
         run = self.free_lane(c, k, leg)
@@ -900,8 +904,9 @@ class Scheduler:
     def free_again(
         k: CartState, exits: tuple[bool, float, list[Poured]], over: float, load: float
     ) -> tuple[float, float]:
-        """From when on a cart can set out to another load [s], and the room in its box then [kg]. over: when
-        it has taken a load [s].
+        """From when on a cart can set out to another load [s], and the room in its box then [kg].
+
+        over: when it has taken a load [s]
         """
         empties, home, _ = exits
         return (home, k.spec.load) if empties else (over, k.room - load)

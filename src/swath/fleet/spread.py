@@ -55,7 +55,7 @@ def spread_of(
 ) -> tuple[list[float], list[str]]:  # fmt: skip
     """Hours of the draws [s], and why draws that are refused are. InputError unless 0 < percent <= MOST.
 
-    out: folder that keeps what is done: a job that was stopped goes on. told: of each draw
+    out: folder that keeps what is done: a job that was stopped goes on. told: called for each draw
     """
     if not 0.0 < percent <= MOST:
         raise InputError("--spread", percent, f"expected more than 0 and at most {MOST:g} percent")

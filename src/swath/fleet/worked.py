@@ -32,6 +32,7 @@ NEXT_TRUCK, GROUND_OF = "the next truck", "ground of "
 WAITS = ("waits for partner", "waits for ground", "waits for truck")
 SHOWN = (*STATES[:-2], *WAITS, IDLE)  # states, with what is waited for
 SHORT = 1e-3  # s, least time that grain takes to flow
+FAR = 2.0  # times the bound, beyond which a note says so
 AT_ONCE = 4000  # times that bodies are looked at together
 
 
@@ -246,8 +247,10 @@ def state_of(segment: Segment) -> str:
 
 
 def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: float) -> list[Span]:
-    """What a machine does in the least time of a segment from its entry on [s]. poured: into trucks there, by
-    the plan's times; dock: until it stands beside the truck and is gone again [s].
+    """What a machine does in the least time of a segment from its entry on [s].
+
+    poured: into trucks there, by the plan's times
+    dock: until it stands beside the truck and is gone again [s]
     """
     end = begin + segment.spent
     here = [p for p in poured if p.during[0] == segment.number and p.target == "truck"]
@@ -264,8 +267,10 @@ def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: flo
 
 
 def waiting(table: Table, segment: Segment, begin: float, end: float, until: tuple[int, int]) -> Span:
-    """The span of a machine that stands at the end of a segment. until: the segment that it or its partner
-    enters next, and what has to be entered before; one that stands at its place waits for nothing.
+    """The span of a machine that stands at the end of a segment.
+
+    until: the segment that it or its partner enters next, and what has to be entered before; one that stands
+        at its place waits for nothing
     """
     if segment.kind in ("home", "to its place", "in the field") or segment.next < 0:
         return Span(IDLE, begin, end)
@@ -311,10 +316,23 @@ def merged(spans: Iterable[Span]) -> list[Span]:
 
 def checked(worked: Worked) -> list[str]:
     """What a reader of a result has to know, beside the schedule's notes."""
-    notes = [*worked.schedule.notes, *worked.schedule.plan.notes]
+    notes = [*_far_over(worked), *worked.schedule.notes, *worked.schedule.plan.notes]
     if worked.schedule.plan.left > 0.0:
         share = 100.0 * worked.schedule.plan.left / worked.schedule.plan.area
         notes.append(f"{worked.schedule.plan.left:.0f} m2 ({share:.2f} %) are in no pass")
     served = {p.target for p in worked.poured}
     idle = [k.name for k in worked.schedule.machines.carts if k.name not in served]
     return [*notes, *(f"{name} takes no load: the job needs fewer carts" for name in idle)]
+
+
+def _far_over(worked: Worked) -> list[str]:
+    """That a job takes more than `FAR` of what no plan can take less than, and the longest wait in it."""
+    if not 0.0 < worked.schedule.bound * FAR < worked.ends:
+        return []
+    times = worked.ends / worked.schedule.bound
+    over = f"the job takes {times:.1f} times as long as the least that any plan could take"
+    waits = [(minutes, name, why) for name in worked.spans for why, minutes in worked.waited(name).items()]
+    if not waits:
+        return [over]
+    minutes, name, why = max(waits, key=lambda wait: wait[0])
+    return [f"{over}; the longest wait: {name}, {minutes:.0f} min for {why}"]

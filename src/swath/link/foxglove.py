@@ -114,14 +114,14 @@ class Foxglove(RunHook):
             return
         kind, number = message.__msgtype__, len(self._channels) + 1
         text = self._store.generate_msgdef(kind, ros_version=2)[0]
-        told = {
+        offer = {
             "id": number, "topic": topic, "encoding": "cdr",
             "schemaName": kind, "schema": text, "schemaEncoding": "ros2msg",
         }  # fmt: skip
         with self._lock:
-            self._channels[topic] = Channel(number, told)
+            self._channels[topic] = Channel(number, offer)
             for client in self._clients:
-                client.tell("advertise", channels=[told])
+                client.tell("advertise", channels=[offer])
 
     def summarize(self, t: int) -> dict[str, Any]:
         """The entry in summary.json."""

@@ -44,7 +44,7 @@ class Towed(KeepsState):
 
     @property
     def mass(self) -> float:
-        """With its load [kg]."""
+        """Mass with its load [kg]."""
         return self.sheet.empty + self.grain
 
     @property
@@ -57,11 +57,11 @@ class Towed(KeepsState):
         px, py = self.pin(x, y, yaw)
         dx, dy = px - self._pin[0], py - self._pin[1]
         self._pin = px, py
-        way = hypot(dx, dy)
-        if way > 0.0:
+        distance = hypot(dx, dy)
+        if distance > 0.0:
             towards = atan2(dy, dx)
             angle = atan2(sin(self.yaw - towards), cos(self.yaw - towards))
-            left = 2.0 * atan(tan(0.5 * angle) * exp(-way / self.sheet.drawbar))
+            left = 2.0 * atan(tan(0.5 * angle) * exp(-distance / self.sheet.drawbar))
             self.yaw += left - angle
 
     def state(

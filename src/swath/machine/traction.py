@@ -21,7 +21,9 @@ class Traction:
     their rim speed, as in `multibody`. Forces are over the weight, `grade` is the rise of the ground ahead
     [m/m], slip is (rim speed - ground speed) / ground speed.
 
-    stiffness, friction: along, over load; relaxation: length of the slip along [m]; thrust: of the drive
+    stiffness, friction: along, over load
+    relaxation: length of the slip along [m]
+    thrust: of the drive
     level_share, grade_share: what they carry of the weight is level_share - grade_share * grade
     """
 
@@ -80,13 +82,13 @@ class DrivenWheels(KeepsState):
         """
         grade, before, slip = grade_of(pitch), self.speed, self.slip
         half, _ = self._loop.advance(self.rim, wanted, 0.5 * dt)
-        self.rim, way = self._loop.advance(self.rim, wanted, dt)
+        self.rim, travel = self._loop.advance(self.rim, wanted, dt)
         self.slip = traction.slip_after(slip, grade, abs(before) * dt)
         mean = 1.0 + 0.5 * (slip + self.slip)
         free = self.rim / (1.0 + self.slip)
         self.speed = traction.given(before, free, grade, dt)
         if self.speed == free:
-            return half / mean, way / mean
+            return half / mean, travel / mean
         self.rim = self.speed * (1.0 + self.slip)
         middle = 0.5 * (before + self.speed)
         return middle, middle * dt
@@ -117,7 +119,7 @@ def traction_of(machine: MachineGeometry, dynamics: Dynamics | None = None, towe
 
 
 def across_of(machine: MachineGeometry) -> Traction:
-    """Of all wheels against a side slope."""
+    """Traction of all wheels against a side slope."""
     d = dynamics_of(machine)
     return Traction(d.stiffness, d.friction, d.front.relaxation, inf, 1.0, 0.0)
 

@@ -34,7 +34,7 @@ class Cells:
         self.restore()
 
     def restore(self) -> None:
-        """All cells as they were measured."""
+        """Restore all cells as they were measured."""
         self.cut[:] = UNTOUCHED
         self._summarise(slice(None))
 

@@ -70,7 +70,7 @@ class Messenger:
         return {key: {k: v for k, v in vars(m).items() if k != "source"} for key, m in made.items()}
 
     def load(self, state: dict[tuple[str, str, type[Signal]], dict[str, Any]]) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         for key, kept in state.items():
             vars(self._maker(*key)).update(kept)
 

@@ -135,7 +135,7 @@ def gone(doubt: Doubt, heading: float, speed: float, dt: float, speed_sd: Spread
 
 
 def covariance(doubt: Doubt) -> tuple[float, ...]:
-    """Of (x, y, heading), row by row, (9,)."""
+    """Covariance of (x, y, heading), row by row, (9,)."""
     u, v, p, q, r, xx, xy, yy, xh, yh, hh = doubt
     xx, xy, yy = xx + u * u + p * p, xy + u * v + p * q, yy + v * v + q * q
     xh, yh, hh = xh + p * r, yh + q * r, hh + r * r

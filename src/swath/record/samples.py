@@ -251,8 +251,8 @@ def _columns_of(columns: Sequence[_Column]) -> list[tuple[str, bool, bytes]]:
         code = kind.partition(" ")[0]
         arrays.append(np.asarray(values[0] if is_held else values, dtype=CODES.get(code, code)))
     packed = packed_columns.pack_all(arrays)
-    told = zip(kinds, held, packed, strict=True)
-    return [(f"{kind} {way}" if way else kind, is_held, data) for kind, is_held, (way, data) in told]
+    named = zip(kinds, held, packed, strict=True)
+    return [(f"{kind} {path}" if path else kind, is_held, data) for kind, is_held, (path, data) in named]
 
 
 def _are_same(first: np.ndarray, values: _Column) -> bool:

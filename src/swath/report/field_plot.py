@@ -79,7 +79,7 @@ def _under(solids: Solids, x: F64, y: F64) -> Mask:
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:
-    """Of `#RRGGBB`."""
+    """Numbers of a colour `#RRGGBB`."""
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return red, green, blue
 
@@ -91,8 +91,11 @@ SLICE = 0.1  # of an outline, along x [m]
 class MapTrack:
     """A machine's way on the map; world points [m], shape (n, 2).
 
-    header_ends: left and right path; axle: of the fixed axle's centre; outline: of the machine at the end
-    side: `left` or `right`, the header end that follows the edge; has_header: it cuts
+    header_ends: left and right path
+    axle: of the fixed axle's centre
+    outline: of the machine at the end
+    side: `left` or `right`, the header end that follows the edge
+    has_header: it cuts
     """
 
     name: str

@@ -7,13 +7,14 @@ are set as such; a link leads to a place or a file beside the page alone, for th
 import html
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from swath.core.whole_file import write_whole
 
+LONG = 60  # characters of a cell that would get too narrow beside words that stay whole
 TEMPLATES = Path(__file__).parent / "templates"
 INLINE = ((r"`([^`\n]+)`", r"<code>\1</code>"), (r"\*\*(.+?)\*\*", r"<strong>\1</strong>"),
           (r"\[([^\]\n]+)\]\((#?\w[\w./-]*)\)", r'<a href="\2">\1</a>'))  # fmt: skip
@@ -66,11 +67,6 @@ def verdict(word: str) -> Html:
     return element("span", f"{sign} {word}".strip(), class_=look)
 
 
-def breakable(name: str) -> Html:
-    """A name that may be broken after its underscores."""
-    return Html("_<wbr>".join(html.escape(part) for part in name.split("_")))
-
-
 def bar(share: float, width: str = "px", most: float = 120.0) -> Html:
     """A bar as long as a share of `most`."""
     return Html(f'<span class="bar" style="width:{most * share:.1f}{width}"></span>')
@@ -111,6 +107,9 @@ class Table:
     kinds: Sequence[str] = ()
     kind = "table"
 
+    def __bool__(self) -> bool:
+        return bool(self.rows)
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -134,6 +133,9 @@ class Items:
     items: Sequence[object]
     is_wide: bool = False
     kind = "items"
+
+    def __bool__(self) -> bool:
+        return bool(self.items)
 
 
 @dataclass(frozen=True)
@@ -170,10 +172,8 @@ class Section:
     parts: Sequence[Any] = field(default_factory=tuple)
     anchor: str = ""
 
-    @property
-    def is_empty(self) -> bool:
-        """Nothing stands in it."""
-        return not any(not isinstance(p, Table) or p.rows for p in self.parts if p)
+    def __bool__(self) -> bool:
+        return any(self.parts)
 
 
 def render_page(
@@ -197,11 +197,9 @@ def render_page(
     top : parts before the first section.
     footer : the last line.
     """
-    shown = [s for s in map(_section, sections) if s is not None and not s.is_empty]
-    page, css = (
-        _environment().get_template("page.html.j2"),
-        (TEMPLATES / "page.css").read_text(encoding="utf-8"),
-    )
+    shown = [s for s in map(_section, sections) if s]
+    page = _environment().get_template("page.html.j2")
+    css = (TEMPLATES / "page.css").read_text(encoding="utf-8")
     return str(
         page.render(
             css=css, sections=shown, heading=heading, lead=lead, title=title or heading, verdict=verdict,
@@ -212,8 +210,7 @@ def render_page(
 
 def _section(made: Any) -> Section | None:
     if isinstance(made, Table):
-        text = made.text if made.rows else ""
-        return Section(made.title, (Table("", made.head, made.rows, made.numeric, "", made.kinds), text))
+        return Section(made.title, (replace(made, title=""),))
     return Section(made.title, (made,)) if isinstance(made, Figure) else made
 
 
@@ -233,6 +230,15 @@ def signed(value: float, digits: int) -> str:
     return text.replace("-", "−" if text.strip("-0.") else "").replace(",", "\u202f")
 
 
+def cell(text: object, *, is_number: bool) -> Html:
+    """A cell of a table: one word stays whole, numbers have real minus signs."""
+    made, plain = escaped(text), "" if isinstance(text, Html) else str(text)
+    if is_number and plain:
+        made = Html(re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
+    look = "n" if is_number else "word" if " " not in str(text) else "long" if len(plain) > LONG else ""
+    return Html(f'<td class="{look}">{made}</td>' if look else f"<td>{made}</td>")
+
+
 @cache
 def _environment() -> Any:
     import jinja2
@@ -242,4 +248,5 @@ def _environment() -> Any:
         loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     made.filters["rich"] = rich
+    made.globals["cell"] = cell
     return made

@@ -1,55 +1,50 @@
 """What a notebook shows of a run, a scan and a field: tables and pictures as HTML."""
 
 import base64
-import html
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.outcome import result_of
+from swath.report.html import Html, element, joined
+from swath.terminal.outcome import limit_text, result_of
 from swath.terminal.tables import number
 
+SHOWN = ("Edge", "Speed")  # charts, the first curve of each
 
-def picture(png: bytes) -> str:
+
+def picture(png: bytes) -> Html:
     """A PNG as an element."""
-    return f'<img style="max-width:100%" src="data:image/png;base64,{base64.b64encode(png).decode()}"/>'
+    return _image(f"data:image/png;base64,{base64.b64encode(png).decode()}")
 
 
-def run_html(title: str, summary: Mapping[str, Any], folder: Path) -> str:
+def _image(address: str) -> Html:
+    return Html(f'<img style="max-width:100%" src="{address}"/>')
+
+
+def run_html(title: str, summary: Mapping[str, Any], folder: Path) -> Html:
     """Limits and metrics of a run, and how it steered."""
-    rows = [(e["name"], number(e["value"]), result_of(e)) for e in summary.get("expect", [])]
-    named = {name for name, _, _ in rows}
+    rows = [(e["name"], number(e["value"]), limit_text(e), result_of(e)) for e in summary.get("expect", [])]
+    named = {row[0] for row in rows}
     plain = {k: v for k, v in summary.items() if isinstance(v, int | float) and not isinstance(v, bool)}
-    rows += [(k, number(v), "") for k, v in plain.items() if k not in named]
-    cells = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(str(c))}</td>" for c in row) + "</tr>" for row in rows
-    )
+    rows += [(k, number(v), "", "") for k, v in plain.items() if k not in named]
+    lines = [element("tr", joined([element("td", text) for text in row], "")) for row in rows]
+    table = joined((element("summary", "metrics"), element("table", joined(lines, ""))), "")
     tracks = folder / "tracks.parquet"
-    drawn = picture(_steering(tracks)) if tracks.is_file() else ""
-    table = f"<details><summary>metrics</summary><table>{cells}</table></details>"
-    return f"<b>{html.escape(title)}</b>{drawn}{table}"
+    drawn = _steering(tracks) if tracks.is_file() else ""
+    return joined((element("b", title), drawn, element("details", table)), "")
 
 
-def _steering(tracks: Path) -> bytes:
+def _steering(tracks: Path) -> Html:
     """Lateral error and speed by distance, of the machines in a tracks.parquet."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    import matplotlib as mpl
 
+    from swath.record.charts import CHARTS
     from swath.record.tracks import read_tracks
+    from swath.report.plots import STYLE, as_image, curves_figure
 
     columns = read_tracks(tracks)
-    figure = Figure(figsize=(8, 3), dpi=90, layout="constrained")
-    FigureCanvasAgg(figure)
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    for name in dict.fromkeys(columns["machine"].tolist()):
-        own = columns["machine"] == name
-        at = columns["distance_m"][own]
-        upper.plot(at, 100.0 * columns["lateral_error_m"][own], label=name)
-        lower.plot(at, 3.6 * columns["speed_m_s"][own])
-    upper.set(ylabel="lateral error [cm]")
-    upper.legend(frameon=False, fontsize=8)
-    lower.set(xlabel="driven [m]", ylabel="speed [km/h]")
-    file = io.BytesIO()
-    figure.savefig(file, format="png")
-    return file.getvalue()
+    names = dict.fromkeys(columns["machine"].tolist())
+    machines = {n: {k: v[columns["machine"] == n] for k, v in columns.items()} for n in names}
+    charts = [{**vars(c), "curves": [vars(c.curves[0])]} for c in CHARTS if c.title in SHOWN]
+    with mpl.rc_context(STYLE):
+        return _image(as_image(curves_figure(machines, charts)))

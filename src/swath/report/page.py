@@ -18,7 +18,6 @@ from swath.report.html import (
     Section,
     Table,
     bar,
-    breakable,
     element,
     escaped,
     joined,
@@ -34,11 +33,12 @@ FACTORS = {("m", "cm"): 100.0, ("1", "%"): 100.0}  # (unit, shown unit) -> facto
 PRETTY = {"m2": "m²", "1": ""}
 INCIDENTS = ("time [s]", "distance [m]", "x [m]", "y [m]", "machine", "what", "")
 CREDIBILITY = ("slot", "quantity", "", "met", "checked", "level", "by")
+INPUTS = ("machine", "metrics", "numbers of data sheets, where they come from", "% of a metric for 1 % of")
 COST = ("slot", "steps", "per step", "wall time", "share", "of real time", "")
 ABOUT_INPUTS = (
-    "Tags: {}. How much a metric changes per percent of a number is that of the engine's steady state where "
-    "the run ended; for losses and throughput it is not known. A tag does not say how far a number may be "
-    "off."
+    "Where numbers come from: {}; that does not say how far they may be off. How much a metric changes for "
+    "1 % of a number is that of the engine's steady state where the run ended; for losses and throughput it "
+    "is not known."
 )
 ABOUT_SCENARIO = "Every value the run used; pale are the defaults, which the scenario does not write."
 NOTHING = "Nothing was measured."
@@ -79,14 +79,14 @@ def render(
             Section("Credibility", _credibility(summary)),
             Table(
                 "What load, fuel, loss and throughput rest on",
-                ["machine", "metrics", "numbers of data sheets, by tag", "matter most: % per %"],
+                INPUTS,
                 list(_inputs(summary)),
-                text=ABOUT_INPUTS.format("; ".join(f"{tag} {meaning}" for tag, meaning in TAGS.items())),
+                text=ABOUT_INPUTS.format("; ".join(TAGS.values())),
             ),
             Table("Incidents", INCIDENTS, incidents, range(4)),
-            Section("Notes", [Items(summary.get("notes", []))] if summary.get("notes") else []),
+            Section("Notes", [Items(summary.get("notes", []))]),
             *figures[1:],
-            Table("Cost", COST, _cost(summary) if summary.get("cost") else [], range(1, 6)),
+            Table("Cost", COST, _cost(summary), range(1, 6)),
             Section("Made with", [Facts(made_with), f"`digest {digest}`" if digest else ""]),
             Section("Scenario as run", [ABOUT_SCENARIO, Fold(SHOW, [_lines(scenario, default_lines)])]),
         ],
@@ -115,19 +115,11 @@ def _lines(scenario: str, default_lines: Collection[int]) -> Html:
 def _limits(rows: Sequence[Mapping[str, str]]) -> Table:
     """Columns that no limit fills are left out."""
     heads = {
-        "subject": "of",
-        "name": "metric or column",
-        "limit": "limit",
-        "window": "window",
-        "value": "value",
-        "error": "level may be off by",
-        "result": "",
-        "reason": "",
-    }
+        "subject": "of", "name": "metric or column", "value": "value", "result": "", "limit": "limit",
+        "window": "window", "error": "level may be off by", "reason": "",
+    }  # fmt: skip
     shown = [key for key in heads if key not in ("window", "error", "reason") or any(r[key] for r in rows)]
     put: dict[str, Callable[[str], Html]] = {
-        "name": breakable,
-        "window": breakable,
         "result": verdict,
         "value": lambda v: element("span", v, class_="v"),
     }
@@ -187,7 +179,7 @@ def _credibility(summary: Mapping[str, Any]) -> list[Table | str]:
     if told.get("undeclared"):
         text += f" No range is declared for the levels of {', '.join(told['undeclared'])}."
     unchecked = [[slot, ", ".join(names)] for slot, names in told.get("not_checked", {}).items()]
-    found: list[Table | str] = [Table("", CREDIBILITY, rows, text=text)]
+    found: list[Table | str] = [Table("", CREDIBILITY, rows, (3, 4), text)]
     return [*found, Table("", ["slot", "not checked, of what changes what it does"], unchecked)][
         : 1 + bool(unchecked)
     ]
@@ -199,16 +191,21 @@ def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
     for machine, metrics in summary.get("inputs", {}).items():
         for name, told in metrics.items():
             sources = [
-                f"{source} {', '.join(f'{count} {tag}' for tag, count in tags.items() if count)}"
+                f"{source}: {', '.join(f'{n} {_origin(tag)}' for tag, n in tags.items() if n)}"
                 for source, tags in told["numbers"].items()
             ]
             most = [
-                f"{row['key']} {row['value']:g} ({row['tag']}): {row['percent_per_percent']:+g}"
+                f"{row['key']} {row['value']:g} ({_origin(row['tag'])}): {row['percent_per_percent']:+g}"
                 for row in told["matter_most"]
             ]
             alike.setdefault((machine, "; ".join(sources), "; ".join(most) or "–"), []).append(name)
     for (machine, numbers, matter), names in alike.items():
         yield [machine, ", ".join(names), numbers, matter]
+
+
+def _origin(tag: str) -> str:
+    """Where a number comes from, in a word or two."""
+    return " or ".join(TAGS[each].split()[0] for each in tag.split("/"))
 
 
 def _incident_row(event: Mapping[str, Any]) -> list[str]:
@@ -237,7 +234,7 @@ def _groups(values: Mapping[str, Any], metrics: Sequence[Metric]) -> list[Beside
 
 def _metric_row(metric: Metric, value: Any) -> list[Html]:
     label = metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " ")
-    name = joined((label, element("small", breakable(metric.name), class_="id")))
+    name = joined((label, element("small", metric.name, class_="id")))
     return [
         element("span", name, title=metric.meaning), element("span", shown_value(metric, value), class_="v")
     ]  # fmt: skip
@@ -263,9 +260,9 @@ def shown_value(metric: Metric, value: Any) -> str:
 
 def _cost(summary: Mapping[str, Any]) -> list[list[object]]:
     """Slot, steps, time of a step and of all, shares of all and of the simulated time, of the wall time."""
-    cost: Mapping[str, Any] = summary["cost"]
-    total = max(sum(c["seconds"] for c in cost.values()), 1e-12)
-    longest = max(max(c["seconds"] for c in cost.values()), 1e-12)
+    cost: Mapping[str, Any] = summary.get("cost", {})
+    spent = [c["seconds"] for c in cost.values()]
+    total, longest = max(sum(spent), 1e-12), max(spent, default=0.0) or 1e-12
     simulated = summary.get("simulated_s")
     return [
         [

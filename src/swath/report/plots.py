@@ -1,7 +1,7 @@
 """Figures of a run, drawn with matplotlib's Agg: no display, no global state.
 
-Colours are those of Okabe and Ito (2008), told apart by colour-blind readers; crop and soil are light fills
-that also differ in grey.
+Colours are those of Okabe and Ito (2008), distinguished by colour-blind readers; crop and soil are light
+fills that also differ in grey.
 """
 
 import base64

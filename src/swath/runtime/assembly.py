@@ -258,7 +258,7 @@ class _Site:
 
 @dataclass(frozen=True)
 class _Place:
-    """A machine that is being built: where it stands, on which edge, and what its sensors told so far."""
+    """A machine that is being built: where it stands, on which edge, and its sensors so far."""
 
     section: MachineSection
     sheet: MachineSheet
@@ -309,7 +309,7 @@ def _body(section: MachineSection, site: _Site) -> MachineBody | None:
 
 
 def _told_mountings(place: _Place, slot: str, part: Any) -> dict[str, Pose]:
-    """Where a sensor sits and its optical frame, as control and recording are told: less a mounting error."""
+    """Where a sensor sits and its optical frame, as control and recording know them."""
     choice, told = place.section.slots[slot], {}
     if choice.common.mount_error:
         part = choice.make(_setup(place, slot, choice))
@@ -442,7 +442,7 @@ def _offered(choice: SlotChoice) -> tuple[Port, ...]:
 
 
 def _build_order(slots: Mapping[str, SlotChoice]) -> list[str]:
-    """Sensors first: control is told where they sit."""
+    """Sensors first: control has to know where they sit."""
     return sorted(slots, key=lambda slot: slots[slot].kind.is_control)
 
 

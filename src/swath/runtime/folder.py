@@ -48,12 +48,15 @@ def choose_run_folder(
     events: Sequence[Mapping[str, Any]] = (),
     replace: bool = False,
 ) -> Path:
-    """The folder for a run. summary: its head line; events: changes on its way; replace: it may take the
-    place of any other run.
+    """The folder for a run.
+
+    summary: its head line
+    events: changes on its way
+    replace: it may take the place of any other run
 
     Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists; it is made at
     once, so that two runs of the same moment get two. A given `out` must be new, empty, or an earlier run of
-    the scenario `name`, which may have been killed, with the changes that `summary` tells, so that a command
+    the scenario `name`, which may have been killed, with the changes that `summary` has, so that a command
     may be repeated, also with an edited file; InputError otherwise, and while another run writes into it.
     """
     if out is None:
@@ -90,7 +93,7 @@ def scan_of(scenario: Scenario, at_s: float) -> str:
 
 
 def scan_in(folder: Path) -> str | None:
-    """What the scan in a folder is of; None where there is none, or its version of swath did not tell."""
+    """What the scan in a folder is of; None where there is none, or its version of swath did not say."""
     file = folder / SCAN_OF
     return read_text(file, "--out", "a scan").strip() if file.is_file() else None
 
@@ -114,7 +117,7 @@ def run_name(folder: Path) -> str | None:
 
 
 def _changes_of(folder: Path) -> str | None:
-    """What was changed of the scenario of a run; None where its version of swath did not tell."""
+    """What was changed of the scenario of a run; None where its version of swath did not say."""
     from swath.documents.yaml_document import read_document
 
     with suppress(InputError, KeyError):

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -171,12 +171,15 @@ def _run_once(
     try:
         pacer = make_pacer(world)
         world.open_devices()
-        with _folder(out, world, is_changed=bool(events)):
-            running = Running(world, out, pacer, hooks, allow)
+        with ExitStack() as around:
+            with unstopped():  # a folder is never there without what writes its summary
+                around.enter_context(_folder(out, world, is_changed=bool(events)))
+                running = Running(world, out, pacer, hooks, allow)
+                if start is not None:
+                    running.resume(start, events)
+                around.enter_context(running)
             if begun is not None:
                 begun()
-            if start is not None:
-                running.resume(start, events)
             is_resumed = world.graph.t > 0
             try:
                 return _drive(running, progress, events)
@@ -191,17 +194,12 @@ def _run_once(
 
 def _drive(running: "Running", progress: bool, events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Drive to the end and finish; returns the summary."""
-    world, started = running.world, time.perf_counter()
-    try:
-        with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, running.pacer):
-            running.begin(events)
-            drive(world, running.observers, progress=show, resume=world.graph.t > 0)
-    except BaseException:
-        with suppress(OSError):  # on a full disk the first error says what matters
-            running.finish(time.perf_counter() - started, incomplete=True)
-        raise
+    world = running.world
+    with _progress_bar(world, progress) as show, running.recorder, paced(world.graph, running.pacer):
+        running.begin(events)
+        drive(world, running.observers, progress=show, resume=world.graph.t > 0)
     world.close()
-    return running.finish(time.perf_counter() - started, incomplete=False)
+    return running.finish(incomplete=False)
 
 
 def _grid(world: World) -> dict[str, Any]:
@@ -245,7 +243,10 @@ def _spare_what_is_read(world: World, out: Path) -> None:
 
 
 class Running:
-    """What goes along while a world runs: digest, evaluation, recorder, hooks."""
+    """What goes along while a world runs: digest, evaluation, recorder, hooks.
+
+    An exception that ends a block with it marks the run as incomplete, where it is not finished.
+    """
 
     def __init__(
         self,
@@ -276,6 +277,16 @@ class Running:
             self.observers.append(self.recorder)
         self.start: Start | None = None
         self._saved_s, self._done = 0.0, 0  # time of the save it goes on from, events before
+        self._begun: list[RunHook] = []
+        self._started, self._is_finished = time.perf_counter(), False
+
+    def __enter__(self) -> "Running":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *about: object) -> None:
+        if kind is not None and not self._is_finished:
+            with suppress(OSError):  # on a full disk the first error says what matters
+                self.finish(incomplete=True)
 
     def resume(self, start: Start, events: Sequence[Mapping[str, Any]]) -> None:
         """Go on from the newest save before `start`, if there is one. UnusableSave."""
@@ -290,6 +301,7 @@ class Running:
 
     def begin(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Let hooks and changes come."""
+        self._started = time.perf_counter()
         rest = self.pacer.rest if self.pacer is not None else lambda duration: None
         for hook in self.hooks:
             hook.begin(
@@ -305,6 +317,7 @@ class Running:
                     self.start,
                 )
             )
+            self._begun.append(hook)
         if self.pacer is not None:
             self._defer(self.pacer)
         if events:
@@ -318,17 +331,18 @@ class Running:
         pacer.deferred = lambda: recorder.write_next() or digest.take_next()
         self.world.before_asking.append(recorder.write_waiting)
 
-    def finish(self, wall_s: float, *, incomplete: bool) -> dict[str, Any]:
-        """Judge, write summary.json, let the hooks finish; returns the summary.
+    def finish(self, *, incomplete: bool) -> dict[str, Any]:
+        """Judge, write summary.json, let the hooks that have begun finish; returns the summary.
 
         A stop waits until the summary is written.
         """
         with unstopped():
+            self._is_finished = True
             self.recorder.close()
-            summary = self._summary(wall_s, incomplete)
+            summary = self._summary(time.perf_counter() - self._started, incomplete)
             if self.out is not None:
                 write_summary(self.out, summary)
-        for hook in self.hooks:
+        for hook in self._begun:
             hook.finish(summary)
         return summary
 
@@ -382,7 +396,7 @@ class Running:
             summary["events"] = self.changes.events
         if self.start is not None:
             summary |= self.start.entry(self._saved_s)
-        for hook in self.hooks:
+        for hook in self._begun:
             summary |= hook.summarize(world.graph.t)
         return summary
 

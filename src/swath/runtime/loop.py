@@ -45,32 +45,51 @@ def drive(
     resume : bool
         Whether to go on from where the world stands instead of from the start.
     """
-    graph, run = world.graph, world.scenario.run
+    graph, lockstep = world.graph, world.graph.lockstep
     graph.observers = [*observers]
     if not resume:
         world.reset()
-    limit_s = run.max_duration_s if until_s is None else min(until_s, run.max_duration_s)
-    graph.lockstep.go_on()
-    if not graph.ended and not has_arrived(world):
-        for _ in advance([world], graph.lockstep, round(limit_s * NS), progress):
-            pass
+    lockstep.go_on()
+    for _ in drive_all([world], lockstep, until_s=until_s, progress=progress):
+        lockstep.raise_error()
     if until_s is None:
         graph.finish()
+
+
+def drive_all(
+    worlds: Sequence[World],
+    lockstep: Lockstep,
+    *,
+    until_s: float | None = None,
+    progress: Progress | None = None,
+) -> Iterator[list[int]]:
+    """Drive worlds that were reset or loaded to the ends of their scenarios, or to a time.
+
+    Gives those that end, as they do, some of them with an error (`lockstep.errors`). progress: of the first
+    """
+    ends = [round(world.scenario.run.max_duration_s * NS) for world in worlds]
+    there = lockstep.reached(_arrival(worlds))
+    latest = max(ends) if until_s is None else round(until_s * NS)
+    over = [w for w, world in enumerate(worlds) if there[w] or world.graph.ended or ends[w] <= lockstep.t]
+    for until in sorted({min(end, latest) for end in ends}):
+        if over:
+            lockstep.stop(over)
+            yield over
+        yield from advance(worlds, lockstep, until, progress)
+        over = [world for world in lockstep.going if ends[world] <= until]
+    if over:
+        lockstep.stop(over)
+        yield over
 
 
 def advance(
     worlds: Sequence[World], lockstep: Lockstep, until: int, progress: Progress | None = None
 ) -> Iterator[list[int]]:
-    """Step worlds to a time [ns]; gives those that end, as they do (`Lockstep.advance`).
-
-    What a part of a world that runs alone raises is raised; of others it is in `lockstep.errors`.
-    """
+    """Step worlds to a time [ns]; gives those that end, as they do (`Lockstep.advance`)."""
     goal = _arrival(worlds)
     beat = BEAT if len(worlds) == 1 else LONG_BEAT
     while lockstep.t < until and lockstep.going:
         yield from lockstep.advance(min((lockstep.t // beat + 1) * beat, until), goal)
-        if len(worlds) == 1:
-            lockstep.raise_error()
         raise_if_lost()
         if progress is not None:
             progress(driven_m(worlds[0]), lockstep.t / NS)
@@ -116,6 +135,6 @@ def has_arrived(world: World) -> bool:
 
 
 def _arrival(worlds: Sequence[World]) -> Goal:
-    """That a machine has driven the scenario's distance."""
+    """Condition that a machine has driven the scenario's distance."""
     wires = tuple((slot, "state") for slot in worlds[0].driving)
     return Goal(wires, "distance", np.array([world.scenario.run.distance_m for world in worlds]))

@@ -15,7 +15,7 @@ from http import HTTPStatus
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from swath.core.errors import MissingExtra, SwathError
+from swath.core.errors import Extra, SwathError
 
 HOST = "127.0.0.1"
 MOST, POLL_S = 32, 0.2  # connections at a time; between looks whether it goes on [s]
@@ -54,7 +54,7 @@ def bound(host: str, port: int, kind: socket.SocketKind, who: str) -> Any:
 class Listener(socket.socket):
     """Takes `most` connections at a time and closes the others, so that idle ones end nothing.
 
-    refused: told of each that is closed
+    refused: called for each that is closed
     """
 
     most = MOST
@@ -157,7 +157,7 @@ class Server:
     """Websockets, and a page where there is one.
 
     talk: called with each connection, in a thread. page: the HTML, asked for with a patience [s]; who asks
-    for it, or for its websocket at `/live`, has to know the token of `address` and come from the page.
+        for it, or for its websocket at `/live`, has to know the token of `address` and come from the page.
     origins: without a page, the pages that may look (regular expression); what is no browser names none.
 
     Raises MissingExtra without websockets, SwathError, which begins with `who`, where the port cannot be had.
@@ -175,10 +175,8 @@ class Server:
         origins: str = "",
         **more: Any,
     ) -> None:
-        try:
+        with Extra(*extra):
             from websockets.sync.server import serve
-        except ImportError as error:
-            raise MissingExtra(*extra) from error
         self._page = page
         self._token = secrets.token_urlsafe(24)
         self._listener = bound(host, port, socket.SOCK_STREAM, who)

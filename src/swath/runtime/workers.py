@@ -190,7 +190,7 @@ def _signals_held() -> Iterator[None]:
     handlers: dict[int, Any] = {}
     if (
         threading.current_thread() is threading.main_thread()
-    ):  # another thread lets them in, and Python tells this one
+    ):  # another thread lets them in, and Python lets this one know
         found = {number: signal.getsignal(number) for number in STOPS}
         handlers = {number: handler for number, handler in found.items() if callable(handler)}
     for number in handlers:

@@ -6,28 +6,32 @@ byte. Parts whose class has `together` (`core/together.py`) are one batch; all o
 
 import time
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from typing import Any, TypeVar
 
+from swath.core.collector import collected_rarely
 from swath.core.errors import SwathError
 from swath.core.graph import Lockstep
-from swath.core.schedule import NS
+from swath.core.stopping import stoppable
 from swath.core.together import GoesWith, takes_all
+from swath.runtime.assembly import assemble
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import Running
-from swath.runtime.loop import advance, driven
+from swath.runtime.loop import advance, drive_all, driven
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 
 Ended = dict[str, Any] | SwathError  # a world's summary, or why there is none
+Job = TypeVar("Job")
 LOOK = ("lidar", "camera", "radar")  # kinds of slots beside which the others cost little
 
 
 class Worlds:
     """Worlds whose schedules and wires are alike, and what goes along with each; drives them to their ends.
 
-    hooks: of each world; is_whole: False where nothing but limits is judged, and there are no digests
-    lockstep: what steps them
+    hooks: of each world
+    is_whole: False where nothing but limits is judged, and there are no digests lockstep: what steps them
     """
 
     def __init__(
@@ -53,26 +57,15 @@ class Worlds:
 
     def drive(self) -> Iterator[tuple[int, Ended]]:
         """Drive all of them; gives number and summary, or error, of each as it ends."""
-        started, lockstep = time.perf_counter(), self.lockstep
-        ends = [round(world.scenario.run.max_duration_s * NS) for world in self.worlds]
-        over = self.begin()
-        lockstep.stop(over)
-        yield from self._ended(over, started)
-        for until in sorted({*ends}):
-            for ending in self.advance(until):
-                yield from self._ended(ending, started)
-            over = [world for world in lockstep.going if ends[world] <= until]
-            lockstep.stop(over)
-            yield from self._ended(over, started)
+        self.begin()
+        for ending in drive_all(self.worlds, self.lockstep):
+            yield from self._ended(ending)
 
-    def begin(self) -> list[int]:
-        """Bring all to t = 0; gives those that end there."""
+    def begin(self) -> None:
+        """Bring all to t = 0."""
         for world in self.worlds:
             world.reset_field()
         self.lockstep.reset()
-        runs = (world.scenario.run for world in self.worlds)
-        about = enumerate(zip(runs, self.driven(), strict=True))
-        return [w for w, (run, way) in about if way >= run.distance_m or run.max_duration_s <= 0.0]
 
     def advance(self, until: int) -> Iterator[list[int]]:
         """Step to a time [ns]; gives the worlds that end, as they do."""
@@ -82,7 +75,7 @@ class Worlds:
         """How far each has driven [m]."""
         return driven(self.worlds, self.lockstep)
 
-    def _ended(self, ending: Sequence[int], started: float) -> Iterator[tuple[int, Ended]]:
+    def _ended(self, ending: Sequence[int]) -> Iterator[tuple[int, Ended]]:
         """End worlds as a run of its own ends."""
         for index in ending:
             world, run = self.worlds[index], self.runs[index]
@@ -92,7 +85,7 @@ class Worlds:
                 self.lockstep.take_out(index)
                 world.graph.finish()
                 world.close()
-                found: Ended = run.finish(time.perf_counter() - started, incomplete=False)
+                found: Ended = run.finish(incomplete=False)
             except Exception as error:
                 world.close()
                 found = as_ours(error)
@@ -105,11 +98,6 @@ def as_ours(error: Exception) -> SwathError:
     return error if isinstance(error, SwathError) else SwathError(f"{type(error).__name__}: {error}")
 
 
-def warn_of_batch(error: Exception) -> None:
-    """Worlds failed in step, and none of them alone: the fault is in a part's `together`."""
-    warnings.warn(f"these worlds fail in step and were run one by one: {as_ours(error)}", stacklevel=3)
-
-
 def gains_in_step(scenario: Scenario) -> bool:
     """Whether runs of a scenario cost less in step: all their scanners, cameras and radars step at once, no
     part is a link to other software, and the run is not paced by the clock.
@@ -117,7 +105,8 @@ def gains_in_step(scenario: Scenario) -> bool:
     every = [choice for machine in scenario.machines.values() for choice in machine.slots.values()]
     if scenario.is_paced or any(choice.found.is_link for choice in every):
         return False
-    return all(takes_all(choice.found.component, "step") for choice in every if choice.kind.name in LOOK)
+    looking = [choice.found.component for choice in every if choice.kind.name in LOOK]
+    return all(takes_all(kind, "step") and getattr(kind, "gains", True) for kind in looking)
 
 
 def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:
@@ -138,10 +127,70 @@ def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:
 def drive_together(
     worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
 ) -> Iterator[tuple[int, Ended]]:
-    """Drive worlds, in step where they can; gives what each comes to by its number, as it ends. hooks: of
-    each world.
+    """Drive worlds, in step where they can; gives what each comes to by its number, as it ends.
+
+    hooks: of each world
     """
     for group in groups_in_step(worlds):
         own = [hooks[number] for number in group] if hooks else ()
         for place, found in Worlds([worlds[number] for number in group], own).drive():
             yield group[place], found
+
+
+def run_each(
+    jobs: Sequence[Job],
+    make: Callable[[Job], tuple[Scenario, Sequence[RunHook]]],
+    alone: Callable[[Job], dict[str, Any]],
+) -> Iterator[tuple[int, Ended, float]]:
+    """Do runs, several of them in step; gives number, what it comes to, and CPU seconds of each, as it ends.
+
+    make: scenario and hooks of one; alone: does one by itself and gives its summary. So is each done that
+    comes to an error in step: what is reported of it is what that run says.
+    """
+    left, blame = dict(enumerate(jobs)), None
+    with collected_rarely():
+        if len(jobs) > 1:
+            try:
+                for number, ended, seconds in _together(jobs, make):
+                    if isinstance(ended, dict):
+                        del left[number]
+                        yield number, ended, seconds
+            except Exception as error:  # of one of those that are left
+                blame = as_ours(error)
+        for number, job in left.items():
+            started = time.process_time()
+            try:
+                ended = alone(job)
+            except Exception as error:  # a user's own part may raise anything
+                ended, blame = as_ours(error), None
+            yield number, ended, time.process_time() - started
+    if blame is not None:  # they failed in step, and none of them alone: the fault is in a part's `together`
+        warnings.warn(f"these worlds fail in step and were run one by one: {blame}", stacklevel=2)
+
+
+def _together(
+    jobs: Sequence[Job], make: Callable[[Job], tuple[Scenario, Sequence[RunHook]]]
+) -> Iterator[tuple[int, Ended, float]]:
+    """Drive and judge runs in step, those that can be made."""
+    made: list[tuple[int, World, Sequence[RunHook]]] = []
+    seconds, since = [0.0] * len(jobs), time.process_time()
+    with stoppable():
+        try:
+            for number, job in enumerate(jobs):
+                with suppress(Exception):
+                    scenario, hooks = make(job)
+                    made.append((number, assemble(scenario), hooks))
+                before, since = since, time.process_time()
+                seconds[number] += since - before
+            running = {number for number, _, _ in made}
+            for place, ended in drive_together([world for _, world, _ in made], [h for _, _, h in made]):
+                before, since = since, time.process_time()
+                for other in running:
+                    seconds[other] += (since - before) / len(running)
+                number = made[place][0]
+                running.discard(number)
+                yield number, ended, seconds[number]
+                since = time.process_time()
+        finally:
+            for _, world, _ in made:
+                world.close()

@@ -86,7 +86,7 @@ def read_expect(
 
 
 def plain_expect(expect: Iterable[Expectation], machines: Mapping[str, Any]) -> dict[str, Any]:
-    """As it would be written in a file."""
+    """Limits as a file would have them."""
     written: dict[str, dict[str, list[Any]]] = {}
     for entry in expect:
         subject = "" if len(machines) == 1 else entry.subject

@@ -40,7 +40,7 @@ class LevelChoice:
         return self.found.component(self.params, setup)
 
     def plain(self) -> dict[str, Any]:
-        """As it would be written in a file."""
+        """Give the keys as a file would have them."""
         return {"level": self.level, **_plain(self.params)}
 
 
@@ -58,7 +58,7 @@ class SlotChoice(LevelChoice):
     wires: Mapping[str, tuple[str, str]] = dataclasses.field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:
-        """As it would be written in a file."""
+        """Give the keys as a file would have them."""
         common = self.common.model_dump(mode="json", exclude_none=True)
         common["wires"] = {name: ".".join(self.wires[name]) for name in self.common.wires}
         return {"level": self.level, **common, **_plain(self.params)}
@@ -91,7 +91,7 @@ class MachineSection:
         return any(choice.kind.name == kind for choice in self.slots.values())
 
     def plain(self) -> dict[str, Any]:
-        """As it would be written in a file."""
+        """Give the keys as a file would have them."""
         written: dict[str, Any] = {name: choice.plain() for name, choice in self.slots.items()}
         start = self.start.model_dump(mode="json")
         written |= dict.fromkeys(self.off, "off")
@@ -122,7 +122,7 @@ class RealTimeSection:
     cheaper: tuple[tuple[str, SlotChoice], ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """As it would be written in a file."""
+        """Give the keys as a file would have them."""
         steps = [{"slot": s, "level": c.level, **_plain(c.params)} for s, c in self.cheaper]
         return {**self.common.model_dump(mode="json", exclude_none=True), "degrade": steps}
 
@@ -145,7 +145,7 @@ class FieldSection:
     common: FieldCommon = dataclasses.field(default_factory=FieldCommon)
 
     def plain(self) -> dict[str, Any]:
-        """As it would be written in a file."""
+        """Give the keys as a file would have them."""
         written = {
             **self.common.model_dump(mode="json", exclude_none=True),
             "folder": None if self.folder is None else str(self.folder),

@@ -36,7 +36,8 @@ UNTOLD = {"expect", "evaluators", "name", "run.record"}  # changes that change n
 class Scenario:
     """A validated scenario. Two are equal when they would be written the same.
 
-    expect: limits on metrics and columns; evaluators: its own, `/path/file.py:Class`
+    expect: limits on metrics and columns
+    evaluators: its own, `/path/file.py:Class`
     gate: which code might run where it was read, and may where it is run
     """
 
@@ -58,12 +59,12 @@ class Scenario:
 
     @property
     def file(self) -> Path | None:
-        """Where it was read from."""
+        """File that it was read from."""
         return self.document.file
 
     @property
     def field_seed(self) -> int:
-        """That of terrain and stand."""
+        """Seed of terrain and stand."""
         own = self.field.common.seed
         return self.seed if own is None else own
 
@@ -175,9 +176,9 @@ def _headline(made: Scenario, changes: Sequence[str]) -> str:
     start, changed = f"{made.name} with ", changes_in(made.name, made.summary)
     before = changed.split("; ") if changed else []
     kept = [text for text in before if text.partition("=")[0] not in keys]
-    told = [f"{key}={text.partition('=')[2].strip()}" for key, text in zip(keys, changes, strict=True)
+    changes_text = [f"{key}={text.partition('=')[2].strip()}" for key, text in zip(keys, changes, strict=True)
             if key not in UNTOLD]  # fmt: skip
-    return shortened(start + "; ".join(sorted({*kept, *told})), LONGEST_SUMMARY)
+    return shortened(start + "; ".join(sorted({*kept, *changes_text})), LONGEST_SUMMARY)
 
 
 def changes_in(name: str, summary: str) -> str:

@@ -19,7 +19,7 @@ SHEETS = {"machine": "machines", "sensor": "sensors", "crop": "crops"}
 NAME = re.compile(r"^[A-Za-z_][A-Za-z0-9_-]{0,40}$")  # of a machine or an edge
 
 
-MOST_ERRORS = 100  # that are told of one document
+MOST_ERRORS = 100  # that are reported of one document
 
 
 class ScenarioError(InputError):

@@ -179,7 +179,7 @@ class Limit(Bounds):
         return self
 
     def plain(self) -> dict[str, Any]:
-        """As it would be written in a file."""
+        """Give the keys as a file would have them."""
         written = self.model_dump(mode="json", exclude_none=True, by_alias=True)
         return {key: value for key, value in written.items() if value != {}}
 

@@ -4,8 +4,8 @@ One convention inside: a spot is elliptic; its diameter at range r is exit + div
 angle, to the 1/e2 contour of a gaussian spot or to the edge of a uniform one. Sensor files name what their
 data sheet means and are converted by `full_angle`. A gaussian spot is cut off at its 1/e2 contour.
 
-Places in a spot are told by the share e of the energy that lies further in: e = r2 for a uniform spot. In e
-every spot is even, so one table of rings serves all profiles.
+Places in a spot are reported by the share e of the energy that lies further in: e = r2 for a uniform spot. In
+e every spot is even, so one table of rings serves all profiles.
 """
 
 from dataclasses import dataclass
@@ -78,7 +78,8 @@ class Beam:
 class Pattern:
     """Sub-rays of a spot.
 
-    position: on the unit disc, shape (..., count, 2); weight: share of the beam's energy, shape (count,)
+    position: on the unit disc, shape (..., count, 2)
+    weight: share of the beam's energy, shape (count,)
     """
 
     position: F64

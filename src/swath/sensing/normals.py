@@ -22,7 +22,7 @@ class AllNormals:
         self._keys, self._slow = np.zeros((len(rows), 2), np.uint64), np.ones(len(rows), np.bool_)
 
     def reset(self, streams: Sequence[Stream]) -> None:
-        """Of these streams from now on."""
+        """Draw from these streams from now on."""
         self._alone = [Normals(stream) for stream in streams]
         self._keys[:] = [stream.key for stream in streams]
 
@@ -47,15 +47,15 @@ class AllNormals:
 def ziggurat() -> tuple[Any, Any]:
     """Widths of numpy's levels over ONE, and how far of ONE a number of each is taken without more.
 
-    numpy tells the widths: given a word of the level and a power of two it returns their product.
+    numpy gives the widths: given a word of the level and a power of two it returns their product.
     """
     words = (1 << 49) + np.roll(np.arange(LEVELS), -2)  # level 1 last, which takes a second word
     halves = np.zeros(624, np.uint64)
     halves[0 : 2 * LEVELS : 2], halves[1 : 2 * LEVELS : 2] = words >> 32, words & 0xFFFFFFFF
     source = np.random.MT19937(0)
     source.state = {"bit_generator": "MT19937", "state": {"key": _untempered(halves), "pos": 0}}
-    told = np.random.Generator(source).standard_normal(LEVELS) / (1 << 40)
-    widths = np.roll(told, 2)
+    numbers = np.random.Generator(source).standard_normal(LEVELS) / (1 << 40)
+    widths = np.roll(numbers, 2)
     bounds = (np.roll(widths, 1) / widths * ONE).astype(np.int64) - DOUBT
     bounds[1] = 0
     if (np.diff(widths[1:]) <= 0.0).any():  # another numpy, which then draws all itself

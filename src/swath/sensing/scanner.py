@@ -182,7 +182,7 @@ class Scanner:
 
     @property
     def looks(self) -> bool:
-        """Whether `seen` may still tell something of a sweep."""
+        """Whether `seen` may still say something of a sweep."""
         return not self._has_echo or self.noise.dropout != 0.0
 
     def outputs_of(

@@ -36,7 +36,15 @@ class Sweep:
         for k, state in enumerate(states):
             place, (first, second, third) = state.pose.numbers
             ROW.pack_into(self._rows, k * ROW.size, state.t, *place, *first, *second, *third)
-        self._sizes[:] = end, len(states), self._count
+        return self._at(end, len(states))
+
+    def of(self, states: F64, end: int) -> tuple[F64, F64]:
+        """The same of states as rows of t [ns], position and rotation, (n, 13), at most ROOM."""
+        self._states[: len(states)] = states
+        return self._at(end, len(states))
+
+    def _at(self, end: int, count: int) -> tuple[F64, F64]:
+        self._sizes[:] = end, count, self._count
         if self._launch is None:
             self._launch = self._prepare()
         self._launch.launch()

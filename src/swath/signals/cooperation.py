@@ -1,4 +1,4 @@
-"""What machines that work side by side tell each other, and how grain goes from one to the other."""
+"""What machines that work side by side send each other, and how grain goes from one to the other."""
 
 from typing import Annotated
 
@@ -113,9 +113,11 @@ class PeerState(Signal, about=About()):
     tank_grain: Annotated[float, Quantity("kg", "in its tank", nan="no tank")] = _NAN
     is_pouring: Annotated[bool, Quantity("", "grain leaves its pipe")] = False
     is_full: Annotated[bool, Quantity("", "it takes no grain now")] = False
-    body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not told")] = _NAN
-    body_rear: Annotated[float, Quantity("m", "likewise, < 0 behind it", nan="not told")] = _NAN
-    body_width: Annotated[float, Quantity("m", "of its chassis", nan="not told")] = _NAN
+    body_front: Annotated[float, Quantity("m", "of its chassis, ahead of its origin", nan="not reported")] = (
+        _NAN
+    )
+    body_rear: Annotated[float, Quantity("m", "likewise, < 0 behind it", nan="not reported")] = _NAN
+    body_width: Annotated[float, Quantity("m", "of its chassis", nan="not reported")] = _NAN
     header_front: Annotated[float, Quantity("m", "of its header, ahead", nan="no header")] = _NAN
     header_left: Annotated[float, Quantity("m", "middle of its header, leftward", nan="no header")] = _NAN
     header_width: Annotated[float, Quantity("m", "of its header", nan="no header")] = _NAN
@@ -142,7 +144,7 @@ class Station(Signal, about=About()):
 class BoxSeen(Signal, about=About()):
     """The open box of the machine beside, as a machine sees it, in its own frame at the time t.
 
-    The grain is told against the rim: heights at even places along the middle line of the box.
+    The grain is reported against the rim: heights at even places along the middle line of the box.
     """
 
     is_seen: Annotated[bool, Quantity("", "there is a box", column="box_seen")]

@@ -17,8 +17,8 @@ _EDGE = (
 class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="edge_t_s")):
     """The crop edge as detected, in the machine frame (x forward, y left, on the ground).
 
-    What is told is the line to be steered along: across a hole the edge that goes on behind it, in row crops
-    half a row spacing outside the outer row.
+    What is reported is the line to be steered along: across a hole the edge that goes on behind it, in row
+    crops half a row spacing outside the outer row.
     """
 
     offset: Annotated[

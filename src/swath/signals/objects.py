@@ -21,7 +21,7 @@ _MESSAGES = (
 class Objects(Signal, about=About(messages=_MESSAGES)):
     """Things around the machine that are no crop, in the machine frame (x forward, y left), at the time t.
 
-    Kinds by number, as in `OBSTACLE_KINDS`; 0 where a level tells none.
+    Kinds by number, as in `OBSTACLE_KINDS`; 0 where a level reports none.
     """
 
     number: Annotated[F64, Quantity("", "the same as long as it is followed", _N)]

@@ -102,7 +102,8 @@ class Fix(Signal, about=About("world", _FIX, time_column="fix_t_s")):
     ] = _NAN  # fmt: skip
     heading_sd: Annotated[float, Quantity("rad", "1 sigma as reported", nan="not known")] = _NAN
     age: Annotated[
-        float, Quantity("s", "of the corrections", nan="without corrections, or not told", column="fix_age_s")
+        float,
+        Quantity("s", "of the corrections", nan="without corrections, or not reported", column="fix_age_s"),
     ] = _NAN
     satellites: Annotated[int, Quantity("", "that it uses, -1 = not modelled", column="fix_satellites")] = -1
     hdop: Annotated[

@@ -37,9 +37,10 @@ class RadarTargets(Signal, about=About("sensor", _MESSAGES)):
     range: Annotated[F64, Quantity("m", "measured distance", _N, columns=_COUNT)]
     azimuth: Annotated[F64, Quantity("rad", "from the x axis of the sensor, > 0 left", _N)]
     elevation: Annotated[F64, Quantity("rad", "above its x-y plane", _N, "the radar does not measure it")]
-    radial_speed: Annotated[F64, Quantity("m/s", "change of the distance, > 0 goes away", _N, "not told")]
+    radial_speed: Annotated[F64, Quantity("m/s", "change of the distance, > 0 goes away", _N, "not reported")]
     rcs: Annotated[
-        F64, Quantity("", "radar cross section as from the echo's power, 10 lg of m2 [dBsm]", _N, "not told")
+        F64,
+        Quantity("", "radar cross section as from the echo's power, 10 lg of m2 [dBsm]", _N, "not reported"),
     ]
     snr: Annotated[F64, Quantity("", "signal to noise [dB]", _N, "not known")]
     range_sd: Annotated[F64, Quantity("m", "1 sigma", _N, "not known")]

@@ -26,7 +26,7 @@ class Scan(Signal, about=About("sensor", _SCAN, is_bulky=True)):
     """
 
     beam_t: Annotated[F64, Quantity("s", "time of each beam relative to t, <= 0", ("beam_count",))]
-    azimuth: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",), "the beam tells nothing")]
+    azimuth: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",), "the beam says nothing")]
     elevation: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",))]
     ranges: Annotated[F32, Quantity("m", "measured distance", ("beam_count", "echo_count"), "no echo")]
     intensity: Annotated[

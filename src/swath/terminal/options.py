@@ -8,11 +8,38 @@ from typing import Any
 from swath.core.output_folder import held
 
 
+def option(
+    parser: argparse._ActionsContainer, name: str, text: str, default: Any = None, **more: Any
+) -> None:
+    """Add an option or an argument.
+
+    name: with what stands for its value, `--budget N`; an option without that is a flag
+    text: of the help
+    default: its type is that of the value, and the help says it; a list: the option may be given several
+        times; a tuple: what may stand there, the first is the default
+    more: what else argparse takes
+    """
+    name, _, metavar = name.partition(" ")
+    if metavar:
+        more["metavar"] = metavar
+    if isinstance(default, list):
+        more["action"] = "append"
+    elif isinstance(default, tuple):
+        more["choices"], default = default, default[0]
+    elif default is not None:
+        more.setdefault("type", Path if isinstance(default, Path) else type(default))
+    elif name.startswith("-") and not more.keys() & {"metavar", "choices", "nargs"}:
+        more["action"] = "store_true"
+    if isinstance(default, int | float | str) and default != "" and "default" not in text:
+        text += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
+    parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
+
+
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     """`--out`, `--set` and `--seed`."""
     add_run_folder(parser)
     add_sets(parser, "change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times")
-    parser.add_argument("--seed", metavar="N", help="another seed")
+    option(parser, "--seed N", "another seed")
 
 
 def add_folder(
@@ -24,29 +51,23 @@ def add_folder(
     alone: bool = True,
 ) -> None:
     """`--out DIR`, which the command has for itself while it runs. what, own, alone: as of `held`."""
-    parser.add_argument("--out", type=Path, required=required, metavar="DIR", help=text)
+    option(parser, "--out DIR", text, type=Path, required=required)
     parser.set_defaults(holds=partial(held, own=own, what=what, alone=alone))
 
 
 def add_run_folder(parser: argparse.ArgumentParser) -> None:
     """`--out`, the folder of a run."""
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="where to write (default: a new folder in runs/)"
-    )
+    option(parser, "--out DIR", "where to write (default: a new folder in runs/)", type=Path)
 
 
 def add_replace(parser: argparse.ArgumentParser) -> None:
     """`--replace`, for an `--out` in which another run or scan lies."""
-    parser.add_argument(
-        "--replace", action="store_true", help="write over another run or scan that lies in DIR"
-    )
+    option(parser, "--replace", "write over another run or scan that lies in DIR")
 
 
 def add_sets(parser: argparse.ArgumentParser, text: str = "change the scenario") -> None:
     """`--set KEY=VALUE`, any number of times, as `sets`. text: for the help."""
-    parser.add_argument(
-        "--set", action="append", default=[], dest="sets", metavar="KEY=VALUE", help=text, type=_change
-    )
+    option(parser, "--set KEY=VALUE", text, [], dest="sets", type=_change)
 
 
 def _change(text: str) -> str:
@@ -57,12 +78,11 @@ def _change(text: str) -> str:
 
 def add_allow(parser: argparse.ArgumentParser) -> None:
     """`--allow CODE`: what a change of a run may bring along."""
-    parser.add_argument(
-        "--allow",
-        action="append",
-        default=[],
-        metavar="CODE",
-        help="file.py:Class, FMU or file that may be set while it runs; may be given several times",
+    option(
+        parser,
+        "--allow CODE",
+        "file.py:Class, FMU or file that may be set while it runs; may be given several times",
+        [],
     )
 
 
@@ -75,10 +95,10 @@ def former(parser: argparse.ArgumentParser, **names: str) -> None:
 
 def add_ros2_network(parser: argparse.ArgumentParser) -> None:
     """`--ros2-network`, without which ROS 2 stays on this machine."""
-    parser.add_argument(
+    option(
+        parser,
         "--ros2-network",
-        action="store_true",
-        help="let ROS 2 nodes of other machines take part: everybody on the network (SECURITY.md)",
+        "let ROS 2 nodes of other machines take part: everybody on the network (SECURITY.md)",
     )
 
 

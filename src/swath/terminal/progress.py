@@ -9,7 +9,7 @@ SOON = 2.0  # s after which a bar appears
 
 @contextmanager
 def progress_bar(name: str) -> Iterator[Callable[[float, float], None]]:
-    """A bar that is told (done, total); it shows nothing where stderr is no terminal."""
+    """A bar that is given (done, total); it shows nothing where stderr is no terminal."""
     from rich.console import Console
     from rich.progress import Progress
 

@@ -4,6 +4,8 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
+from swath.terminal.options import option
+
 PIPE_WIDTH = 1000  # columns of a pipe or file: lines stay whole
 EDGE, BETWEEN = 2, 3  # blanks beside a table, and between two of its columns
 
@@ -71,7 +73,7 @@ def as_json(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
 
 def add_json(parser: Any) -> None:
     """`--json` of a command that lists things."""
-    parser.add_argument("--json", action="store_true", help="print a JSON list")
+    option(parser, "--json", "print a JSON list")
 
 
 def paragraphs(items: Sequence[tuple[str, str]]) -> None:

@@ -11,7 +11,7 @@ from swath.signals import F64
 MIDDLE = 0.15  # to both sides of the middle line, where the profile is taken [m]
 NEAREST = 0.03  # to a wall, where grain is looked for [m]
 STRIP = 0.22  # and from the nearest grain that is seen so far on [m]
-WEAK = 0.005  # of points that tell no slope, in the squares of their distances [m2]
+WEAK = 0.005  # of points that show no slope, in the squares of their distances [m2]
 HIDDEN = 0.45  # a wall hides grain so far behind it at most, or it lies low [m]
 STEEPEST = 0.58  # tangent of 30 deg, above all angles of repose
 FEWEST = 6  # points that make a place of the profile
@@ -19,7 +19,7 @@ SLOPE = 0.35  # of grain about the middle line, as a standard deviation, to eith
 EXACT = 0.015  # least scatter of points about such planes [m]
 FITS = 3  # of them, each without what lies astray
 LIES = 0.02  # how far grain lies from them, as a standard deviation [m]
-MOST_SD = 0.05  # of a height that is told: two of them are 0.10 m
+MOST_SD = 0.05  # of a height that is reported: two of them are 0.10 m
 SCATTER = 0.12  # of heights at one place, as a standard deviation; more is dust [m]
 ABOVE, BELOW = 1.5, 2.5  # the rim: beyond there is no grain [m]
 
@@ -28,9 +28,10 @@ ABOVE, BELOW = 1.5, 2.5  # the rim: beyond there is no grain [m]
 class Fill:
     """Places along a box, rear to front, (station,) [m], nan where nothing was seen.
 
-    height: of the grain along the middle line above the rim, < 0 below it; sd: of that
-    freeboard: rim above the grain beside the walls, the least of both; lean: left wall above right one, 0
-    where one of them is not seen
+    height: of the grain along the middle line above the rim, < 0 below it
+    sd: of that
+    freeboard: rim above the grain beside the walls, the least of both
+    lean: left wall above right one, 0 where one of them is not seen
     """
 
     height: F64
@@ -41,11 +42,13 @@ class Fill:
 
 @dataclass(frozen=True)
 class BoxLook:
-    """A box, and how the sensor that looks into it tells heights.
+    """A box, and how the sensor that looks into it measures heights.
 
-    length, width: inside; rim: height of its rim; rim_sd: standard deviation of that [m]
-    steepest: tangent of the slope at which grain may fall towards a wall; alike: number of points that err
-    alike
+    length, width: inside
+    rim: height of its rim
+    rim_sd: standard deviation of that [m]
+    steepest: tangent of the slope at which grain may fall towards a wall
+    alike: number of points that err alike
     """
 
     length: float
@@ -110,10 +113,10 @@ def _at_middle(along: F64, aside: F64, heights: F64, alike: float) -> tuple[floa
         matrix = weight * portable.product(own.T, own) + level
         found = portable.solve(matrix, weight * portable.product(own.T, heights[keeps] - middle))
         rest = heights - middle - portable.product(rows, found)
-        told = _height(rest[keeps])
-        if told is None:
+        seen = _height(rest[keeps])
+        if seen is None:
             return None
-        scatter = max(told[1], EXACT)
+        scatter = max(seen[1], EXACT)
         keeps = np.abs(rest) <= 3.0 * scatter
     sd = float(portable.solve(matrix, np.eye(4)[0])[0]) ** 0.5
     return middle + float(found[0]), sd

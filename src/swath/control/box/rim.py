@@ -51,7 +51,7 @@ class Params:
 
 
 class RimFit(KeepsState):
-    """Of one scanner; a sample tells of the scan that it comes from."""
+    """Of one scanner; a sample is of the scan that it comes from."""
 
     inputs = (Port("scan", Scan, unit="m", shape=(None,)), Port("peer", PeerState, optional=True))
     outputs = (Port("box", BoxSeen),)
@@ -83,16 +83,16 @@ class RimFit(KeepsState):
     def _size(self, peer: PeerState | None) -> Size | None:
         """Length, width and height of the rim [m]; None where nobody said so yet."""
         p = self._p
-        told = (
+        sizes = (
             (None,) * 3
             if peer is None or not peer.is_heard or peer.box_length != peer.box_length
             else (peer.box_length, peer.box_width, peer.rim_height)
         )
-        size = [mine or theirs for mine, theirs in zip((p.length_m, p.width_m, p.rim_m), told, strict=True)]
+        size = [mine or theirs for mine, theirs in zip((p.length_m, p.width_m, p.rim_m), sizes, strict=True)]
         return None if None in size else (size[0] or 0.0, size[1] or 0.0, size[2] or 0.0)
 
     def _is_sure(self, rim: Rim) -> bool:
-        """Whether a fit is certain enough to be told."""
+        """Whether a fit is certain enough to be reported."""
         p = self._p
         is_known = max(rim.sd[:2]) <= p.most_sd_m and rim.sd[2] <= p.most_sd_deg * pi / 180.0
         return is_known and confidence(rim) >= p.least_confidence

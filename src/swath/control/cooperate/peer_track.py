@@ -69,11 +69,11 @@ class PeerTrack(KeepsState):
         pushed = min(h, self._left)
         self._left -= pushed
         faster = max(self.speed + self.acceleration * pushed, 0.0)
-        way = 0.5 * (self.speed + faster) * pushed + faster * (h - pushed) if self._compensated else 0.0
+        travel = 0.5 * (self.speed + faster) * pushed + faster * (h - pushed) if self._compensated else 0.0
         self.speed = faster
         turned = self.yaw_rate * h if self._compensated else 0.0
         middle = self.heading + 0.5 * turned
-        x, y = self.x + way * cos(middle), self.y + way * sin(middle)
+        x, y = self.x + travel * cos(middle), self.y + travel * sin(middle)
         heading = self.heading + turned
         turn = own.yaw_rate * h
         x -= own.speed * h * cos(0.5 * turn)

@@ -1,7 +1,7 @@
 """Keeping a station beside the machine that unloads: what all fill strategies share.
 
 The middle of the own box is to lie `spot` behind the point where the stream of the other one lands, as
-the link tells, and the own path runs parallel to the other one's. The tractor drives outside of the path
+the link reports, and the own path runs parallel to the other one's. The tractor drives outside of the path
 of its trailer by what that tracks off in a bend; what is left at the box is taken out slowly.
 """
 
@@ -40,7 +40,7 @@ class Shared:
     """How a cart keeps its station beside the machine that unloads.
 
     margin_m: height of the rim above the grain at the walls with which the box counts as full
-    lead_s: time for which grain goes on coming after the auger is told to stop
+    lead_s: time for which grain goes on coming after the auger is commanded to stop
     compensate: whether the age of messages is made up for
     hold_s: silence through which the station is kept by dead reckoning
     clear_m: how far aside the cart goes when it is full, or when it hears nothing
@@ -62,8 +62,8 @@ class Shared:
 class BoxView:
     """What a fill strategy knows. half, width: half the length, and the width of the box [m].
 
-    places [m ahead of the middle], heights [m above the floor]: profile of the grain; freeboard: rim above
-    the grain at the walls beside each place, less the margin [m]
+    places [m ahead of the middle], heights [m above the floor]: profile of the grain
+    freeboard: rim above the grain at the walls beside each place, less the margin [m]
     """
 
     half: float

@@ -161,7 +161,7 @@ class Unloader(KeepsState):
 LEVEL = Level(
     Unloader,
     Params,
-    summary="pipe and auger of the machine with the tank, by what the other one tells",
+    summary="pipe and auger of the machine with the tank, by what the other one sends",
     cost="0.1 ms per step",
     tolerance="stops within a step of its margin, its silence or a full box",
 )

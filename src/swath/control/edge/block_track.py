@@ -50,7 +50,8 @@ DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 class Search:
     """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m].
 
-    spacing: of the rows that the crop stands in [m], 0 = unknown; view: height of the scanner [m]
+    spacing: of the rows that the crop stands in [m], 0 = unknown
+    view: height of the scanner [m]
     """
 
     spread: float
@@ -240,7 +241,7 @@ class BlockTrack(KeepsState):
 
     @property
     def _middle(self) -> float:
-        """Of the block's rays, along the track [m]."""
+        """Middle of the block's rays along the track [m]."""
         return self._block.along if isfinite(self._block.along) else self._block.travel
 
     def _accept(self, found: Found, along: float, heading: float, wall: Wall) -> None:

@@ -42,12 +42,13 @@ class EdgeFrame:
 class RayAnswers:
     """What the rays of a scan say.
 
-    cells: place and class of those that count, flat index of (PLACES, CLASSES); solid: which of them stand as
-    they did in the scan before, and do not hang in the air; along: sum of the places
-    along the edge ahead of the frame's origin of `close` rays near it [m]
+    cells: place and class of those that count, flat index of (PLACES, CLASSES)
+    solid: which of them stand as they did in the scan before, and do not hang in the air
+    along: sum of the places along the edge ahead of the frame's origin of `close` rays near it [m]
     ahead: of the same, echoes in the canopy along the edge ahead of the frame's origin [m], else nan
-    height: of the echo above the stubble side [m], nan = none; stands: as `solid`; upper, lower: beside the
-    edge at the crop's top and at the lower limit [m]; of every ray that falls, (n,)
+    height: of the echo above the stubble side [m], nan = none
+    stands: as `solid`
+    upper, lower: beside the edge at the crop's top and at the lower limit [m]; of every ray that falls, (n,)
     rise: of upright plants toward the crop, by which places were moved to the feet, per height [1]
     across: angle at which the rays to the edge cross it, > 0 into the crop [rad]
     """
@@ -78,7 +79,7 @@ class Ground(Clears):
     WORTH, FIRST_WORTH = (6.0, 60.0), (2.0, 20.0)  # echoes, and their m2, that the plane before is worth
 
     def clear(self) -> None:
-        """Level with the machine."""
+        """Take the ground as level with the machine."""
         self.level, self.slope, self.is_known = 0.0, 0.0, False
 
     def take(self, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
@@ -138,7 +139,7 @@ class CanopyRays(KeepsState):
         self._before: F64 = np.zeros(0)  # ranges in the last scan of the beams that fall [m], nan = no echo
 
     def clear(self) -> None:
-        """All beams count."""
+        """Let all beams count again."""
         self.silent.clear()
         self._beams = ()
         self._before[:] = np.nan
@@ -154,7 +155,7 @@ class CanopyRays(KeepsState):
         self._before[: len(seen)] = seen
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         super().load(state)
         self._beams = ()
 

@@ -105,7 +105,7 @@ class JaggedWall(Clears):
     def add(self, wall: Wall, middle: float, angle: float, travel: float) -> None:
         """A block's wall, middle of its rays [m] and travel [m]; angle: of the track to the machine [rad].
 
-        Of a wall aslant nothing is told, and what was seen is forgotten.
+        Of a wall aslant nothing is reported, and what was seen is forgotten.
         """
         late, usual = min(1.0, travel / JAGGED_M), min(1.0, travel / USUAL_M)
         if abs(angle) > ASLANT[0]:

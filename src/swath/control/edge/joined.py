@@ -3,9 +3,10 @@
     edge: {level: joined, wires: {left: lidar_left.scan, right: lidar_right.scan}}
 
 Each scanner has a `likelihood_ratio` of its own. Offsets are averaged by what is independent of their
-variances, and a chi-square test asks whether they can be of one edge. Where they cannot, the deviation told
-grows by what they differ (Birge 1932, doi:10.1103/PhysRev.40.207), and the edge is not sure: which of them is
-right is not known. Stems are seen from several sides: that shows which way they lean (`stem_lean`).
+variances, and a chi-square test asks whether they can be of one edge. Where they cannot, the deviation
+reported grows by what they differ (Birge 1932, doi:10.1103/PhysRev.40.207), and the edge is not sure: which
+of them is right is not known. Stems are seen from several sides: that shows which way they lean
+(`stem_lean`).
 """
 
 from collections.abc import Sequence
@@ -38,7 +39,7 @@ CANOPY = (0.5, 1.25)  # of the crop's height, between which they end
 EDGE_OF_TOPS, EDGE_OF_THIN = 0.95, 0.7  # of the overhang of the tops: where a dense, a thin wall is seen
 OWN = 0.01  # m: of each scanner at least, how it is mounted
 TOPS, LEAST_ABOVE = 0.08, 0.5  # of the crop's height: standard deviation of its tops; m above them
-MODEL = 0.1  # standard deviation of the tangent of a lean that the brightness tells
+MODEL = 0.1  # standard deviation of the tangent of a lean that the brightness shows
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Joined(KeepsState):
         self._edges: dict[str, CropEdge] = {}
         self._seen = dict.fromkeys(self._mountings, 0)  # time of the newest scan [ns]
         self._since = ASKED_M
-        self._hang_sd = 0.0  # told last to a scanner's own detector [m]
+        self._hang_sd = 0.0  # given last to a scanner's own detector [m]
         self._shared = dict.fromkeys(self._mountings, 0.0)  # standard deviation of what all see alike [m]
 
     def reset(self, stream: Stream) -> Outputs:

@@ -48,7 +48,7 @@ class LeanRamp(Clears):
 
     @property
     def is_known(self) -> bool:
-        """Enough was seen to tell whether there is a ramp."""
+        """Enough was seen to see whether there is a ramp."""
         return float(self._counts.sum()) >= ENOUGH
 
     def move(self, travel: float) -> None:

@@ -48,14 +48,14 @@ AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reporte
 
 @dataclass(frozen=True)
 class Params:
-    """Of the likelihood-ratio detector.
+    """The likelihood-ratio detector.
 
     search_m: standard deviation of where the edge is expected beside the header end, at the start
     hold_m: distance beyond the last place seen for which the edge is held
     reference_m: where ahead of the knife the edge is reported
     crab: side slip per side slope, or per lateral acceleration in g [1]
     upright_m: height of the crop where it stands upright, as the driver sees it; 0 = usual for the crop that
-        he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot tell:
+        he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot see:
         the edge is not sure there
     slip_percent: how much faster the wheels turn than the ground passes, 2 to 6 % on stubble (uncited)
     closed_m: standard deviation in closed stands of the error that a whole run has alike and no fit shows:
@@ -144,8 +144,8 @@ class LikelihoodRatio(KeepsState):
         x, u, heading = self._at
         crab = self._inclination.crab(self._p.crab, self._sign * speed * yaw_rate)
         course = heading + 0.5 * yaw_rate * seconds - self._sign * crab
-        way = speed * seconds
-        return x + way * cos(course), u + way * sin(course), heading + yaw_rate * seconds
+        travel = speed * seconds
+        return x + travel * cos(course), u + travel * sin(course), heading + yaw_rate * seconds
 
     def _rise(self) -> tuple[float, float]:
         """How far the top of an upright plant seems to stand ahead and toward the crop of its foot [1]."""

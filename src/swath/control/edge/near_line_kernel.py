@@ -41,7 +41,7 @@ class Asked:
 
 @wp.struct
 class Line:
-    """As `near_line.NearLine`."""
+    """The numbers of `near_line.NearLine`."""
 
     x: wp.float64
     u: wp.float64

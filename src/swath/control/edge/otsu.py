@@ -92,7 +92,7 @@ class Otsu(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Otsu"]) -> "Detectors":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Detectors(parts)
 
 
@@ -187,7 +187,7 @@ class Detectors(Compiled):
         }
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._states.load(world, state["state"])
         self._tracks[world, : len(state["track"])] = state["track"]
         self._seen[world], self._heights[world] = state["seen"], state["heights"]
@@ -210,7 +210,7 @@ class Detectors(Compiled):
 
 
 def _settings(part: Otsu) -> tuple[float, ...]:
-    """In the order of `otsu_kernel.Settings`."""
+    """Settings in the order of `otsu_kernel.Settings`."""
     p, setup = part.params, part.setup
     sign = crop_sign(setup.edge_side)
     return (

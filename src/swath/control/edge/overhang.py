@@ -3,7 +3,7 @@
 A stand that leans out over the edge shows a wall as sharp as that of an upright one, only further out. It is
 lower: stems of length h whose tops are at z over the ground lean by acos(z / h). How high an upright stand is
 seen, is known to some hundredths where it stops the rays, and less in a thin one, into which they go. Every
-lean is a hypothesis; what is told is the mean over all of them, after what is seen.
+lean is a hypothesis; what is reported is the mean over all of them, after what is seen.
 """
 
 from math import acos, hypot, isnan, sqrt
@@ -63,7 +63,7 @@ class HeightOverhang:
         return 0.0, self._upright * sqrt((1.0 - ramp) * aside / 3.0)
 
     def _chance(self, crop: float, crop_sd: float, stopped: float) -> F64:
-        """Of every lean, after a height was seen."""
+        """Chance of every lean after a height was seen."""
         mean, sd = _seen(stopped)
         tall = mean * np.minimum(_TALL, self._most)
         sd = hypot(sd, crop_sd / self._upright)

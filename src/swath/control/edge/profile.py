@@ -11,7 +11,7 @@ from swath.core.component import KeepsState
 from swath.signals import CropEdge
 
 EVENLY = sqrt(12.0)  # width of an even spread over its standard deviation
-LEAST_SURE = 0.01  # confidence of an edge that is told
+LEAST_SURE = 0.01  # confidence of an edge that is reported
 
 
 class Clears(KeepsState):
@@ -21,7 +21,7 @@ class Clears(KeepsState):
         self.clear()
 
     def clear(self) -> None:
-        """As at the beginning."""
+        """Begin anew."""
         raise NotImplementedError
 
 
@@ -36,6 +36,6 @@ def finite(value: float) -> float:
 
 
 def no_edge(t: int, reference: float) -> CropEdge:
-    """That there is none at t [ns]; reference: where it would be told [m]."""
+    """That there is none at t [ns]; reference: where it would be reported [m]."""
     nan = float("nan")
     return CropEdge(t, nan, nan, 0.0, reference, 0.0, nan, nan)

@@ -1,7 +1,7 @@
 """Beams that never answer while those beside them do: dirt on the window, or a dead part of the scanner.
 
-Where dust or the open sky swallows beams it swallows their neighbours too, and "no echo" tells something of
-what is there. A beam that alone is silent tells nothing, always of the same place.
+Where dust or the open sky swallows beams it swallows their neighbours too, and "no echo" says something of
+what is there. A beam that alone is silent says nothing, always of the same place.
 """
 
 import numpy as np
@@ -15,12 +15,12 @@ ANSWERS = 0.2  # share of the scans that it has to
 
 
 class SilentBeams(Clears):
-    """is_dead: which beams of the scans tell nothing, shape (beam_count,); none before enough scans."""
+    """is_dead: which beams of the scans say nothing, shape (beam_count,); none before enough scans."""
 
     kept = ("is_dead", "_echoes", "_scans")
 
     def clear(self) -> None:
-        """All beams count."""
+        """Let all beams count again."""
         self.is_dead: NDArray[np.bool_] = np.zeros(0, bool)
         self._echoes: NDArray[np.int64] = np.zeros(0, np.int64)
         self._scans = 0

@@ -8,9 +8,9 @@ the light that goes with the sine of the angle between ray d and axis s. With q 
 b = 1, a = 0 for bare cylinders. Leaves lie at all angles and make b smaller; they stand off the stem toward
 its tip, so that a ray from foot to tip meets more of their faces: a > 0. Simulated wheat has a = 0.11,
 b = 0.37, barley 0.08 and 0.22, both within 0.01 in the mean over azimuths and leans. One scanner beside the
-crop looks at it from one side only and cannot tell a dark crop from one that leans; one at each end of the
-header do: by azimuth both parts of the lean, across the edge and along it, show. How far stems lean in all is
-known from their height; every lean in 5 deg and direction in 11.25 deg is a hypothesis.
+crop looks at it from one side only and cannot distinguish a dark crop from one that leans; one at each end of
+the header do: by azimuth both parts of the lean, across the edge and along it, show. How far stems lean in
+all is known from their height; every lean in 5 deg and direction in 11.25 deg is a hypothesis.
 """
 
 from math import cos, exp, pi, sin

@@ -253,7 +253,7 @@ class Cluster(Following):
 
 
 MAP_CELL, MAP_SIZE = 0.5, 96  # of the map of heights [m], and its cells each way
-RUN, FEWEST = 4, 20  # cells over which the slope is taken, and pairs of them that tell it
+RUN, FEWEST = 4, 20  # cells over which the slope is taken, and pairs of them that show it
 MAP_AHEAD, MAP_ASIDE = 40.0, 20.0  # what is farther from the knife would come round onto other cells [m]
 AROUND = np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T  # directions around a place
 
@@ -261,8 +261,8 @@ AROUND = np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T  # dir
 class HeightMap(KeepsState):
     """Top of what stands on each cell of the ground, in the frame of the dead reckoning; it goes on round.
 
-    memory: a height counts so long [s]
-    slope: of its surfaces along x and y of that frame; most neighbours are of one surface, edges count little
+    memory: a height counts so long [s] slope: of its surfaces along x and y of that frame; most neighbours
+        are of one surface, edges count little
     """
 
     kept = ("_top", "_seen", "slope")
@@ -384,7 +384,7 @@ class Lines:
 def closing(ranges: F64, narrow: int, wide: int) -> F64:
     """Fronts of the lines of an image, the nearest of `narrow` beams around each, closed over `wide`.
 
-    A beam without an echo tells nothing; beyond the ends of a line may be anything.
+    A beam without an echo says nothing; beyond the ends of a line may be anything.
     """
     a = np.where(np.isnan(ranges), np.inf, ranges)
     left, right = (
@@ -417,7 +417,7 @@ def _over(a: F64, count: int, least: Callable[..., F64], nothing: float) -> F64:
 
 
 def _mean_around(a: F64, count: int) -> F64:
-    """Mean of `count` beams to both sides of each, as far as they told something."""
+    """Mean of `count` beams to both sides of each, as far as they said something."""
     known = np.isfinite(a)
     sums = [
         np.cumsum(np.pad(v, ((0, 0), (count + 1, count))), axis=1)

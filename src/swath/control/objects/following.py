@@ -51,8 +51,8 @@ class Following(KeepsState):
         """The pose so much later, or earlier."""
         x, y, yaw = self._pose
         middle = yaw + 0.5 * turn * seconds
-        way = speed * seconds
-        return x + way * cos(middle), y + way * sin(middle), yaw + turn * seconds
+        travel = speed * seconds
+        return x + travel * cos(middle), y + travel * sin(middle), yaw + turn * seconds
 
     def _ahead(self, track: Track) -> tuple[float, float]:
         """Where a thing was when last seen, in the machine's frame [m]."""

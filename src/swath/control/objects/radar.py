@@ -84,9 +84,9 @@ class RadarObjects(Following):
     def _points(self, targets: RadarTargets, speed: float, turn: float) -> F64:
         """Detections ahead that may be things (n, 3) [m], in the machine's frame at the look."""
         seen = targets.points()
-        way = self._mounting.turn(seen)
+        ray = self._mounting.turn(seen)
         x, y, _ = self._mounting.position.tolist()
-        own = (speed - turn * y) * way[:, 0] + turn * x * way[:, 1]
+        own = (speed - turn * y) * ray[:, 0] + turn * x * ray[:, 1]
         over_ground = targets.radial_speed + own / np.maximum(targets.range, 1e-3)
         points = self._mounting.apply(seen)
         ahead = points[:, 0] - self._knife

@@ -9,7 +9,7 @@ from swath.core.component import KeepsState
 GATE = 0.8  # a heap belongs to the thing that is expected no farther from it [m]
 FASTEST = 4.0  # and this much more per second since it was seen [m/s]
 ALPHA, BETA = 0.5, 0.15  # of the place and the velocity, for scans some 0.1 s apart
-FAINT = 0.1  # what is less sure is not told
+FAINT = 0.1  # what is less sure is not reported
 LASTS = 0.7  # of the evidence of one scan in the next: both see much the same stems
 BELIEF, DOUBT = (
     0.4,
@@ -46,7 +46,7 @@ class Track:
     evidence: float = 0.0
 
     def at(self, t: float) -> tuple[float, float]:
-        """Where it is expected at a time [s]."""
+        """Place where the object is expected at a time [s]."""
         dt = t - self.t
         return self.place[0] + dt * self.velocity[0], self.place[1] + dt * self.velocity[1]
 
@@ -86,7 +86,7 @@ class Tracks(KeepsState):
         self._number = 0
 
     def confirmed(self) -> list[Track]:
-        """Those that count."""
+        """Tracks that enough measurements have shown."""
         return [t for t in self._tracks if t.hits >= self._confirm and t.confidence >= FAINT]
 
     def update(self, t: float, heaps: list[Heap], is_blind: Callable[[Track], bool]) -> None:

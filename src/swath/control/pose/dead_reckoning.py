@@ -86,11 +86,11 @@ def seen_from(a: Step, b: Step) -> tuple[float, float, float]:
 
 
 def _gone_on(step: Step, t: int) -> Step:
-    """The same arc until t [ns]."""
+    """Go on along the same arc until t [ns]."""
     seconds = max(t - step.t, 0) / NS
     turn = step.yaw_rate * seconds
-    middle, way = step.heading + 0.5 * turn, step.speed * seconds
-    x, y = step.x + way * cos(middle), step.y + way * sin(middle)
+    middle, travel = step.heading + 0.5 * turn, step.speed * seconds
+    x, y = step.x + travel * cos(middle), step.y + travel * sin(middle)
     return step._replace(t=t, x=x, y=y, heading=step.heading + turn)
 
 

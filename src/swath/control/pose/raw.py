@@ -120,9 +120,9 @@ class RawPose(KeepsState):
         x, y = self._antenna.axle(fix.x, fix.y, then)
         ahead, left, _ = seen_from(before, gone)
         c, s = cos(then), sin(then)
-        way = self._reckoning.distance - self._fix_way
-        sd = max(fix.horizontal_sd, LEAST_SD) + self._p.way_percent * PERCENT * way
-        turn = 0.01 + 0.1 * self._p.way_percent * PERCENT * way
+        travel = self._reckoning.distance - self._fix_way
+        sd = max(fix.horizontal_sd, LEAST_SD) + self._p.way_percent * PERCENT * travel
+        turn = 0.01 + 0.1 * self._p.way_percent * PERCENT * travel
         pace = 0.02 + 0.03 * abs(gone.speed)
         return PoseEstimate(
             now,

@@ -1,1 +1,1 @@
-"""Levels that take echoes out of a scan which tell nothing of the crop, before its edge is looked for."""
+"""Levels that take echoes out of a scan which say nothing of the crop, before its edge is looked for."""

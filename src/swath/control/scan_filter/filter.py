@@ -20,7 +20,7 @@ NAN32 = np.float32("nan")
 class ScanFilter(KeepsState, ABC):
     """A level gives `unwanted`.
 
-    A beam whose first echo goes tells nothing of what is behind it, which is not the same as "no echo": its
+    A beam whose first echo goes says nothing of what is behind it, which is not the same as "no echo": its
     direction is nan, which leaves it out everywhere. Of other beams the later echoes go.
     mounting: of the scanner, for who takes the filtered scan
     """

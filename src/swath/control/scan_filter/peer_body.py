@@ -62,7 +62,7 @@ class PeerBody(ScanFilter):
             self._tracks[name].update(now, dt, said, inputs["odometry"])
 
     def unwanted(self, points: F64) -> Mask:
-        """Those over an outline of another machine."""
+        """Echoes over an outline of another machine."""
         is_out = np.zeros(len(points), dtype=bool)
         for name, said in self._said.items():
             if self._tracks[name].age <= self._p.hold_s:
@@ -82,8 +82,8 @@ class PeerBody(ScanFilter):
 
 
 def outlines(peer: PeerState) -> list[tuple[float, float, float, float, float]]:
-    """Body, header and box as far as told, in the other one's frame: middle x, y [m], heading [rad], length,
-    width [m].
+    """Body, header and box as far as reported, in the other one's frame: middle x, y [m], heading [rad],
+    length, width [m].
     """
     found = []
     if isfinite(peer.body_width):

@@ -37,7 +37,7 @@ class ConstantSpeed(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["ConstantSpeed"]) -> "Speeds":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Speeds(parts)
 
     def end_reason(self, t: int) -> str:
@@ -65,7 +65,7 @@ class Speeds(EdgeGuards):
             speeds, odometry = made["command"].arrays["speed"], inputs.get("odometry")
             for world, part in enumerate(self._parts):
                 seen = in_world(objects, world), in_world(odometry, world)
-                speeds[world] = min(speeds[world], part.stop.limit(part.wanted, *seen, dt))
+                speeds[world] = part.stop.limit(part.wanted, *seen, dt, speeds[world])
         return made
 
     def save(self, world: int) -> State:
@@ -73,7 +73,7 @@ class Speeds(EdgeGuards):
         return {**super().save(world), "stop": self._parts[world].stop.save()}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         super().load(world, state)
         self._parts[world].stop.load(state["stop"])
 

@@ -56,8 +56,8 @@ class EdgeGuards(Compiled):
         given = [self._limits.array, self._driven.array, shared(self.clock), shared(self.needs)]
         edge = ["edge" in self.given, *(self.column("edge", name) for name in SEEN)]
         led = self.column("guidance", "is_following", otherwise=False)
-        told = shared(self.sent["command"].arrays["speed"])
-        given += [*edge, self.column("odometry", "speed"), led, told]
+        command = shared(self.sent["command"].arrays["speed"])
+        given += [*edge, self.column("odometry", "speed"), led, command]
         return [repeatable(bound_speeds, given, threads=self.worlds)]
 
     def supply(self, stage: int) -> None:
@@ -70,7 +70,7 @@ class EdgeGuards(Compiled):
         return {"driven": self._driven.save(world), "reason": self.reasons.get(world, "")}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._driven.load(world, state["driven"])
         self.reasons.pop(world, None)
         if state["reason"]:
@@ -118,5 +118,5 @@ class EdgeGuard:
         return self._own.save(0)
 
     def load(self, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._own.load(0, state)

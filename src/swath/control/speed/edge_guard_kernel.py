@@ -57,7 +57,7 @@ def bound_speeds(
     is_led: wp.array(dtype=wp.bool),
     told: Numbers,
 ):
-    """told: what may be driven over the next step [m/s]; needs: set where a machine stops for good."""
+    """told: speed that may be driven over the next step [m/s]; needs: set where a machine stops for good."""
     w = wp.tid()
     p = limits[w]
     wanted = p.wanted

@@ -6,10 +6,10 @@ the crop has gone in:
 
 - A scanner sees an amount (height times extinction, or height alone). One factor is learned for it, kg/m2 per
   amount.
-- A map with correlation r to what stands tells r of its differences: who acts on them in full makes the
-  throughput vary by sqrt(2 (1 - r)) of the crop's variation, who acts on what the map tells by sqrt(1 - r^2).
+- A map with correlation r to what stands says r of its differences: who acts on them in full makes the
+  throughput vary by sqrt(2 (1 - r)) of the crop's variation, who acts on what the map says by sqrt(1 - r^2).
   So a line is learned, throughput per distance over the map's value: its height over `learn_m`, its slope
-  over `slope_m` from what differs from the last `learn_m`. A map that tells nothing of that gets the slope
+  over `slope_m` from what differs from the last `learn_m`. A map that says nothing of that gets the slope
   0, and the law follows the measured throughput alone.
 - Where both have learned, the forecast is their mean as far as the scanner sees, each weighted by the inverse
   of the square by which its own forecasts were off. What a map says farther ahead does not slow a machine
@@ -194,7 +194,7 @@ class Seen(Forecast):
 class Mapped(Forecast):
     """By a map, whose line is learned.
 
-    A map that is too high everywhere does no harm, nor does one that tells nothing.
+    A map that is too high everywhere does no harm, nor does one that says nothing.
     """
 
     kept = (*Forecast.kept, "_cut", "_long", "_short")
@@ -246,15 +246,17 @@ class Mapped(Forecast):
         _, value, went = self._cut_then(t, self._cut) or (0, float("nan"), 0.0)
         if not isfinite(value) or value <= 0.0 or went < SLOWEST:
             return
-        rate, way = feed.flow / went, speed * h
+        rate, travel = feed.flow / went, speed * h
         if self.has_learned:
-            self._judge(self.rate_of(value) * went, feed.flow, way)
-        kept = exp(-way / self._p.learn_m)
-        w, m, r = (kept * old + way * new for old, new in zip(self._short, (1.0, value, rate), strict=True))
+            self._judge(self.rate_of(value) * went, feed.flow, travel)
+        kept = exp(-travel / self._p.learn_m)
+        w, m, r = (
+            kept * old + travel * new for old, new in zip(self._short, (1.0, value, rate), strict=True)
+        )
         self._short = (w, m, r)
-        kept, more, higher = exp(-way / self._p.slope_m), value - m / w, rate - r / w
+        kept, more, higher = exp(-travel / self._p.slope_m), value - m / w, rate - r / w
         spread, together = self._long
-        self._long = kept * spread + way * more * more, kept * together + way * more * higher
+        self._long = kept * spread + travel * more * more, kept * together + travel * more * higher
 
 
 class LookAhead(KeepsState):

@@ -53,7 +53,7 @@ def room(p: Common, feed: FeedReading | None, engine: EngineState | None) -> flo
 
 
 def has_crop(p: Common, feed: FeedReading | None) -> bool:
-    """True when crop comes in, or nobody can tell."""
+    """True when crop comes in, or nobody knows."""
     return feed is None or feed.flow >= CROP_SHARE * p.throughput_kg_s
 
 

@@ -33,7 +33,7 @@ class ConstantSteer(KeepsState):
         return {"command": SteerCommand(0, self._curvature, True)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """The same command, valid at t + dt."""
+        """Send the same command, valid at t + dt."""
         return {"command": SteerCommand(t + dt, self._curvature, True)}
 
 

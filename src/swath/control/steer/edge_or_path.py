@@ -3,7 +3,7 @@
 The third way when the edge is lost, beside holding the bend driven last (`preview`) and stopping (the speed
 law). What leads then is the path of the scenario, or, without one, the straight line that the machine drove
 last along the edge, by its own pose: the least squares line through the fixed axle's places. When the edge is
-seen again it leads again. Both laws go along all the time and are told what was really commanded.
+seen again it leads again. Both laws go along all the time and know what was really commanded.
 """
 
 from collections import deque

@@ -91,9 +91,7 @@ class ActuatorModel(KeepsState):
 SURE = 0.05  # m, standard deviation of an offset beyond which the slip observer listens less
 SLIP_LIMIT = 4.0 * DEG  # rad, of the slip observer: a combine crabs by as much on a side slope of 28 %
 STEEPEST = 1.2  # rad, direction of travel beyond which no curvature is sought
-BETTER = (
-    0.01  # m, standard deviation of how far an edge moved that is told better now, above which it is taken
-)
+BETTER = 0.01  # m, sd of how far an edge moved that is reported better now, above which it is taken
 # anew; estimate, with which the demo, a bend and a straight edge were driven
 FORGET_M = 3.0  # m of travel over which it is forgotten how well the edge was known
 
@@ -132,7 +130,7 @@ class SlipObserver(KeepsState):
     def update(self, error: float, drift: float, travel: float, weight: float = 1.0, sd: float = 0.0) -> None:
         """A period's `travel` [m] with lateral `error` [m] and the drift [rad] expected without slip.
 
-        weight: 0..1, of the error as evidence; sd: standard deviation of the edge [m], 0 = not told
+        weight: 0..1, of the error as evidence; sd: standard deviation of the edge [m], 0 = not reported
         """
         if self._error is None or self._pole == 0.0 or self._sd**2 - sd**2 > BETTER**2:
             self._error, self._sd = error, sd

@@ -114,7 +114,7 @@ class Preview(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Preview"]) -> "Steerers":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Steerers(parts)
 
     def beside(self, edge: CropEdge) -> float:
@@ -128,7 +128,7 @@ class Preview(InWorlds):
 
 
 class Steerers(Compiled):
-    """Those of many worlds."""
+    """The parts of many worlds, stepped together."""
 
     reads: ClassVar = {"edge": CropEdge, "odometry": Odometry}
     hears: ClassVar = {"inertial": Inertial}
@@ -171,8 +171,8 @@ class Steerers(Compiled):
         trail = self.heard.get("inertial")
         memories = [] if trail is None else [memory.launch(trail) for memory in (self._upward, self._turning)]
         rows = map(shared, (self._upward.rows, self._turning.rows, self._pending))
-        told = map(shared, self.sent["command"].arrays.values())
-        law = [self._laws.array, *own, *rows, self._states.array, *told]
+        command = map(shared, self.sent["command"].arrays.values())
+        law = [self._laws.array, *own, *rows, self._states.array, *command]
         return [
             repeatable(kernel.gather, gather, threads=self.worlds),
             *memories,
@@ -189,7 +189,7 @@ class Steerers(Compiled):
         }
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._states.load(world, state["state"])
         self._pending[world] = state["pending"]
         for memory, own in zip((self._upward, self._turning), state["memories"], strict=True):

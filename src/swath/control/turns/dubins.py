@@ -22,9 +22,9 @@ class Place(NamedTuple):
 def shortest(start: Place, end: Place, radius: float) -> list[tuple[str, float]]:
     """Turns (`L`, `R`) and straights (`S`) of the shortest path, each with its length [m]."""
     dx, dy = end.x - start.x, end.y - start.y
-    way = math.atan2(dy, dx)
+    direction = math.atan2(dy, dx)
     d = math.hypot(dx, dy) / radius
-    a, b = (start.heading - way) % TURN, (end.heading - way) % TURN
+    a, b = (start.heading - direction) % TURN, (end.heading - direction) % TURN
     word, parts = min(_words(d, a, b), key=lambda w: w[1][0] + w[1][1] + w[1][2])
     return [(c, p * radius) for c, p in zip(word, parts, strict=True) if p > 1e-12]
 

@@ -135,8 +135,8 @@ def _pods(
     A branch bears as many as its bearing length is of the plant's. limit: height that no pod rises above [m]
     """
     stems = len(stalks.length)
-    way = np.linalg.norm(np.diff(lines, axis=1), axis=2).sum(axis=1)
-    bearing = np.concatenate([facts.main * stalks.length, facts.along * way])
+    lengths = np.linalg.norm(np.diff(lines, axis=1), axis=2).sum(axis=1)
+    bearing = np.concatenate([facts.main * stalks.length, facts.along * lengths])
     of = np.concatenate([np.arange(stems), owner])
     total = np.bincount(of, bearing, stems)
     per_plant = np.maximum(

@@ -39,8 +39,12 @@ class LeafFacts:
 class Plants:
     """n stems and their m primitives.
 
-    height: (n,) ground to the tip [m]; grain_kg, straw_kg: (n,) masses
-    shape, organ: (m,); a, b, width: (m, 3) [m]; radius: (m,) [m], as in `layout.PlantLibrary`; owner: (m,)
+    height: (n,) ground to the tip [m]
+    grain_kg, straw_kg: (n,) masses
+    shape, organ: (m,)
+    a, b, width: (m, 3) [m]
+    radius: (m,) [m], as in `layout.PlantLibrary`
+    owner: (m,)
     reflectance: (m,) of the primitive itself, 0 = that of its organ; None = so for all
     """
 
@@ -147,15 +151,18 @@ def arc(start: Array, length: Array, first: Array, last: Array, azimuth: Array, 
     """
     along = (np.arange(parts) + 0.5) / parts
     step = pointing(first[:, None] + (last - first)[:, None] * along, azimuth[:, None] + 0.0 * along)
-    way = np.cumsum(step * (length / parts)[:, None, None], axis=1)
-    return np.asarray(start[:, None, :] + np.concatenate([np.zeros_like(way[:, :1]), way], axis=1))
+    steps = np.cumsum(step * (length / parts)[:, None, None], axis=1)
+    return np.asarray(start[:, None, :] + np.concatenate([np.zeros_like(steps[:, :1]), steps], axis=1))
 
 
 @dataclass(frozen=True)
 class Leafing:
-    """How leaves sit. plane: azimuth of the plane that each stem's leaves stand in, to either side by turns
-    [rad], (stems,), None = anywhere; scatter: half range about it [rad]; taper: width of each ribbon of a
-    blade relative to the blade's; organ.
+    """How leaves sit.
+
+    plane: azimuth of the plane that each stem's leaves stand in, to either side by turns [rad], (stems,),
+        None = anywhere
+    scatter: half range about it [rad]
+    taper: width of each ribbon of a blade relative to the blade's; organ
     """
 
     plane: Array | None = None
@@ -199,7 +206,7 @@ def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generato
 
 
 def assemble(height: Array, grain: Array, straw: Array, parts: list[Part]) -> Plants:
-    """All parts, those of one stem together."""
+    """Join all parts; those of one stem stand together."""
     sizes = [part.radius.size for part in parts]
     owner = np.concatenate([part.owner.ravel() for part in parts])
     order = np.argsort(owner, kind="stable")

@@ -27,7 +27,7 @@ class ContactWatch:
     """Events `contact`: the body of the machine overlaps an obstacle or the body of another machine.
 
     Looked for at most 20 times per second. A contact ends when the two have not touched for APART_S. Two
-    machines that touch each count it, and one event tells of both.
+    machines that touch each count it, and one event reports both.
     """
 
     OF_FIELD = False
@@ -107,7 +107,7 @@ class ContactWatch:
         self._reason = self._reason or f"touched {other} at {state.t / NS:.1f} s"
         self._touched[other] = _Touch(state)
         if other in self.setup.machines and other < name:
-            return  # the other one tells of it
+            return  # the other one reports it
         self._touched[other].index = len(self._events)
         begun = state.t, "contact", name, contact.point[0], contact.point[1], state.distance
         self._events.append(Event(*begun, f"{name} touches {other}", end_t=None, other=other))

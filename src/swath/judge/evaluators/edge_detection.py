@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.blocks import Block, Seen, Shown, number_of
+from swath.core.blocks import Block, Seen, Shown, samples_of
 from swath.core.frames import Pose, wrap_angle
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
@@ -25,8 +25,8 @@ FAR_M = 8.0  # one this near may be detected
 MATCH_M = 1.5  # a detected edge is none that stands there when it is farther from it
 SURE = 0.5  # confidence from which on a detector is sure
 WRONG_M = 0.3  # error beyond which an edge is wrong
-DEVIATIONS = 3.0  # an error beyond so many of those that are told is not told
-EPISODE_M = 1.0  # a longer way wrong, sure and not told is a hazardous episode
+DEVIATIONS = 3.0  # an error beyond so many of those that are reported is not reported
+EPISODE_M = 1.0  # a longer distance wrong, sure and not reported is a hazardous episode
 RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
 NAN = float("nan")
@@ -39,11 +39,13 @@ class EdgeSeries:
     """The course of a run, arrays of shape (n,): t [s], distance [m].
 
     true: y in the machine frame at the detector's reference [m] of the line to be steered along; nan = none
-    detected: likewise, nan = none; error: detected minus true [m], > 0 towards the crop, nan where they are
-    farther apart than MATCH_M; found: an edge was reported; exists: one is near enough that it had to be
+    detected: likewise, nan = none
+    error: detected minus true [m], > 0 towards the crop, nan where they are farther apart than MATCH_M
+    found: an edge was reported
+    exists: one is near enough that it had to be
     confidence, is_held, offset_sd [m]: as reported
     wall: y of the crop that stands, nearest to the detected edge, or to the header end where none is detected
-    [m]; it is the true edge but across a hole of the initial edge, see `present_edge.Holes`; nan = none
+        [m]; it is the true edge but across a hole of the initial edge, see `present_edge.Holes`; nan = none
     """
 
     t: F64
@@ -65,22 +67,22 @@ class EdgeSeries:
 
     @property
     def is_sure(self) -> NDArray[np.bool_]:
-        """Whether the detector tells an edge and is sure of it."""
+        """Whether the detector reports an edge and is sure of it."""
         return self.found & (self.confidence >= SURE)
 
     @property
     def is_wrong(self) -> NDArray[np.bool_]:
-        """Whether an edge is told that is more than WRONG_M off, or where none is."""
+        """Whether an edge is reported that is more than WRONG_M off, or where none is."""
         return self.found & ~(np.abs(self.error) <= WRONG_M)
 
     @property
     def is_hazardous(self) -> NDArray[np.bool_]:
-        """Whether it is wrong and sure, and by more than DEVIATIONS of those that are told."""
+        """Whether it is wrong and sure, and by more than DEVIATIONS of those that are reported."""
         return self.is_sure & self.is_wrong & ~(np.abs(self.error) <= DEVIATIONS * self.offset_sd)
 
     @property
     def is_none(self) -> NDArray[np.bool_]:
-        """Whether an edge is told where there is neither the line nor a wall."""
+        """Whether an edge is reported where there is neither the line nor a wall."""
         return self.found & ~np.isfinite(self.error) & ~(np.abs(self.detected - self.wall) <= MATCH_M)
 
     def episodes(self) -> list[tuple[float, float]]:
@@ -116,7 +118,7 @@ class States:
         self.t, self.rows = more.t[-MOST:], more.rows[-MOST:]
 
     def with_block(self, block: Block | None) -> "States":
-        """These and more."""
+        """Add a block of samples."""
         if block is None:
             return self
         rows = np.column_stack([block["pose"], block["distance"]])
@@ -195,8 +197,7 @@ class EdgeDetection(Later):
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look up what stands where an edge is reported, once the truth has reached its time."""
-        if number_of(outputs, CropEdge, "t") is not None:
-            self._waiting += [signal for signal in outputs.values() if isinstance(signal, CropEdge)]
+        self._waiting += samples_of(outputs, CropEdge)
         if self._waiting:
             now = outputs.waiting(MachineState, self.setup.name) if isinstance(outputs, Shown) else None
             self.look(now)

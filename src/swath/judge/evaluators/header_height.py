@@ -56,7 +56,7 @@ class HeaderHeight(Later):
             self._distance = float(states["distance"][-1])
 
     def metrics(self) -> dict[str, float]:
-        """What there is to say; of heights nothing about a header that does not tell its own."""
+        """What there is to say; of heights nothing about a header that does not report its own."""
         found = dict.fromkeys([m.name for m in self.METRICS[:3]] if self._is_controlled else [], float("nan"))
         if self._errors is not None:
             error = self._errors.table()

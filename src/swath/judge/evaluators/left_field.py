@@ -50,7 +50,7 @@ class LeftField(Later):
         self._way = 0.0
 
     def take(self, seen: Seen) -> None:
-        """Look where the knife was, once the header has told of itself."""
+        """Look where the knife was, once the header has reported."""
         states, flows = seen.of(MachineState), seen.of(CropFlow)
         if states is not None and (self._has_header or flows is not None):
             begin = 0 if self._has_header or flows is None else states.before(flows.orders[:1])[0] + 1

@@ -70,7 +70,7 @@ class Positioning(Later):
             self._state = states.sample(-1)
 
     def metrics(self) -> dict[str, float]:
-        """Of what the machine has."""
+        """Metrics of the sensors that the machine has."""
         found: dict[str, float] = {}
         if self._rows:
             off, turn, nees = (column.copy() for column in self._rows.table().T)

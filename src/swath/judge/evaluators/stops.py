@@ -1,15 +1,15 @@
 """How often a machine stopped on its way, and because of what.
 
-A stop is because of an obstacle or another machine where the machine's slot `objects` told, with a confidence
-of 0.5 or more and while it may have braked, of something within 1 m of the box around it. Where it told of
-nothing that is there, it stopped for a phantom, or for another reason than an object.
+A stop is because of an obstacle or another machine where the machine's slot `objects` reported, with a
+confidence of 0.5 or more and while it may have braked, of something within 1 m of the box around it. Where it
+reported nothing that is there, it stopped for a phantom, or for another reason than an object.
 """
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from swath.core.blocks import Seen, number_of
+from swath.core.blocks import Seen, number_of, samples_of
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
@@ -17,7 +17,7 @@ from swath.signals import MachineState, Objects, Signal
 
 STANDS, DRIVES = 0.05, 0.5  # m/s: slower it stands, faster it has driven
 SURE = 0.5  # confidence from which on an object counts
-NEAR_M = 1.0  # from a box to the middle of an object that tells of it, in the plane
+NEAR_M = 1.0  # from a box to the middle of an object that reports it, in the plane
 LOOKED_BACK = 6 * NS  # from the stop: to brake from 10 km/h at 0.6 m/s2, and to react, takes as long
 
 
@@ -36,7 +36,7 @@ class Stops(Later):
         self._setup = setup
         self._drove = False
         self._events: list[Event] = []
-        self._told: dict[str, tuple[int, str]] = {}  # when it was told of last [ns], and of which kind it is
+        self._told: dict[str, tuple[int, str]] = {}  # when it was reported last [ns], and of which kind it is
 
     @property
     def live(self) -> tuple[type[Signal], ...]:
@@ -56,12 +56,11 @@ class Stops(Later):
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note whether the machine drives or stands, and the objects that are reported to it."""
-        for signal in outputs.values() if number_of(outputs, Objects, "t") is not None else ():
-            if isinstance(signal, Objects):
-                self._hear(signal)
+        for objects in samples_of(outputs, Objects):
+            self._hear(objects)
         speed = number_of(outputs, MachineState, "speed")
         if speed is not None and self._stands(abs(speed)):
-            self._stand(next(signal for signal in outputs.values() if isinstance(signal, MachineState)))
+            self._stand(samples_of(outputs, MachineState)[0])
 
     def _stands(self, speed: float) -> bool:
         """Whether it drove and now stands."""
@@ -79,7 +78,7 @@ class Stops(Later):
         self._events.append(Event(state.t, "stop", name, x, y, state.distance, text, state.t, because=why))
 
     def _hear(self, objects: Objects) -> None:
-        """Note which bodies something told is near to."""
+        """Note which bodies something reported is near to."""
         sure = objects.confidence >= SURE
         if not sure.any():
             return
@@ -93,7 +92,7 @@ class Stops(Later):
                 self._told[body.name] = objects.t, body.kind
 
     def _why(self, t: int) -> tuple[str, ...]:
-        """Names, then kinds, of what was told of lately."""
+        """Names, then kinds, of what was reported lately."""
         lately = {name: kind for name, (when, kind) in self._told.items() if t - when <= LOOKED_BACK}
         return (*lately, *dict.fromkeys(lately.values()))
 

@@ -28,7 +28,8 @@ STATE = ("_t", "_speed", "_curvature", "_line", "_must_release", "answer_count")
 class ControllerBox:
     """A steering law that is connected to the machine by a bus.
 
-    law: component of the slot `steer`; period: of the machine's cycle [ns]; wheelbase [m]
+    law: component of the slot `steer`
+    period: of the machine's cycle [ns]; wheelbase [m]
     """
 
     def __init__(self, law: Any, node: Node, *, period: int, wheelbase: float) -> None:
@@ -92,7 +93,7 @@ class ControllerBox:
         return {"own": {name: vars(self)[name] for name in STATE}, "law": self._law.save()}
 
     def load(self, state: Mapping[str, Any]) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         vars(self).update(state["own"])
         self._law.load(state["law"])
 

@@ -5,7 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 from swath.link.can.j1939 import parse
 
 Values = dict[str, float | None]
@@ -23,10 +23,8 @@ class Codec:
     """Encodes and decodes the messages of a DBC file; None stands for `not available`."""
 
     def __init__(self) -> None:
-        try:
+        with Extra("can", "a CAN bus"):
             import cantools
-        except ImportError:
-            raise MissingExtra("can", "a CAN bus") from None
         database: Any = cantools.database.load_file(str(dbc_file()))
         self._messages: dict[str, Any] = {m.name: m for m in database.messages}
         self._headers = {m.name: parse(m.frame_id) for m in database.messages}

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_sets, former
+from swath.terminal.options import add_sets, former, option
 
 
 def add(parsers: Any) -> None:
@@ -11,24 +11,18 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("can", help="a controller box on a CAN bus, a monitor of its messages")
     parts = parser.add_subparsers(metavar="PART", required=True)
     box = parts.add_parser("box", help="run the controller box of a scenario", description=_BOX)
-    box.add_argument("scenario", metavar="NAME|FILE", help="scenario whose steering law runs in the box")
+    option(box, "scenario NAME|FILE", "scenario whose steering law runs in the box")
     add_sets(box)
-    box.add_argument("--once", action="store_true", help="end when the machine has switched off")
+    option(box, "--once", "end when the machine has switched off")
     box.set_defaults(run=run_box)
     listen = parts.add_parser("listen", help="print the messages on a bus")
     for each in (box, listen):
-        each.add_argument("--interface", metavar="NAME", help="interface of python-can, e.g. socketcan")
-        each.add_argument("--channel", metavar="NAME", help="its channel, e.g. can0")
-        each.add_argument(
-            "--option",
-            action="append",
-            default=[],
-            metavar="KEY=VALUE",
-            help="further settings of the interface",
-        )
-    box.add_argument("--address", type=int, metavar="N", help="CAN address of the box (default 28)")
-    listen.add_argument("--duration-s", type=float, metavar="S", help="end after S seconds")
-    listen.add_argument("--count", type=int, metavar="N", help="end after N frames")
+        option(each, "--interface NAME", "interface of python-can, e.g. socketcan")
+        option(each, "--channel NAME", "its channel, e.g. can0")
+        option(each, "--option KEY=VALUE", "further settings of the interface", [])
+    option(box, "--address N", "CAN address of the box (default 28)", type=int)
+    option(listen, "--duration-s S", "end after S seconds", type=float)
+    option(listen, "--count N", "end after N frames", type=int)
     former(listen, duration_s="--for")
     listen.set_defaults(run=run_listen)
     dbc = parts.add_parser("dbc", help="print where the DBC file is")

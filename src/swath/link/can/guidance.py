@@ -1,4 +1,4 @@
-"""The machine's side of ISO 11783 guidance: when a command is obeyed, and what the machine tells."""
+"""The machine's side of ISO 11783 guidance: when a command is obeyed, and what the machine sends."""
 
 from dataclasses import dataclass, field
 from math import atan, isfinite, tan
@@ -43,7 +43,7 @@ class Guidance:
     """Which command holds. It is obeyed while it comes, is a number and intends to steer.
 
     timeout [ns]: longest time without a command. After it the controller has to say once that it does not
-    intend to steer before it is obeyed again (request reset).
+        intend to steer before it is obeyed again (request reset).
     """
 
     timeout: int
@@ -111,13 +111,13 @@ def edge_values(edge: CropEdge | None, t: int, cycle: int) -> tuple[Values, Valu
 
 
 def edge_of(line: Values, quality: Values, t: int) -> CropEdge:
-    """The crop edge that the two messages tell, at the controller's time t [ns]."""
-    told = {signal: value for signal, value in {**line, **quality}.items() if value is not None}
-    known = {"EdgeConfidence": 0.0, **told}
+    """The crop edge that the two messages carry, at the controller's time t [ns]."""
+    sent = {signal: value for signal, value in {**line, **quality}.items() if value is not None}
+    known = {"EdgeConfidence": 0.0, **sent}
     fields: dict[str, Any] = {
         name: known.get(signal, float("nan")) for signal, name in (LINE | QUALITY).items()
     }
-    return CropEdge(t - round(told.get("EdgeAge", 0.0) * NS), **fields)
+    return CropEdge(t - round(sent.get("EdgeAge", 0.0) * NS), **fields)
 
 
 def measured_curvature(odometry: Odometry | None, wheelbase: float) -> float | None:

@@ -72,8 +72,8 @@ class IsobusMachine(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """How many frames were sent, and what became of the task controller."""
-        told = [] if self._client is None else self._client.told
-        return {"isobus": {"frames": self.count, "task_controller": list(told)}}
+        received = [] if self._client is None else self._client.told
+        return {"isobus": {"frames": self.count, "task_controller": list(received)}}
 
     def close(self) -> None:
         """Switch the machine off and leave the bus. Calling it again does nothing."""

@@ -40,20 +40,22 @@ class BoxError(SwathError):
 class Params:
     """The bus, the nodes on it, and what happens without an answer.
 
-    interface: of python-can, such as socketcan, udp_multicast or virtual; channel: of that interface, such
-    as can0, or a multicast group
+    interface: of python-can, such as socketcan, udp_multicast or virtual
+    channel: of that interface, such as can0, or a multicast group
     options: further keys of that interface, such as bitrate or port; of udp_multicast also `peers`: addresses
-    of other machines on the bus, without which it stays on this one
+        of other machines on the bus, without which it stays on this one
     box: outside = another process or a real controller; inside = a stand-in within the run
     lock_step: simulated time waits for every answer of the box; without it the run has to be paced
-    law: steering level, or file.py:Class, that a stand-in runs, inside or by `swath can box`; law_keys: its
-    keys
+    law: steering level, or file.py:Class, that a stand-in runs, inside or by `swath can box`
+    law_keys: its keys
     overlap_m: how far the box keeps the header end outside the crop; given to the law and to the metrics
     cycle_ms: how often the machine sends; the standard says 100
     timeout_ms: without lock_step: so long without a command, and the steering is released
     on_timeout: disengage, as a machine does, or fail
-    wait_s: how long to look for the box at the start; answer_s: with lock_step, longest wait for an answer
-    address: of the machine; box_address: of the box to obey, null = the first that sends a command
+    wait_s: how long to look for the box at the start
+    answer_s: with lock_step, longest wait for an answer
+    address: of the machine
+    box_address: of the box to obey, null = the first that sends a command
     """
 
     interface: str = "udp_multicast"
@@ -84,7 +86,7 @@ class Params:
 
     @property
     def period(self) -> int:
-        """Of a cycle [ns]."""
+        """Length of a cycle [ns]."""
         return round(self.cycle_ms * 1e6)
 
     def make_law(self, control: ControlSetup, base: Path | None) -> Any:
@@ -165,7 +167,7 @@ class CanSteering:
         return {"guidance": replace(self._guidance), "own": own, "box": box}
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._guidance = replace(state["guidance"])
         self._cycle, self._distance, self._peer = state["own"]
         if self._box is not None:
@@ -197,8 +199,8 @@ class CanSteering:
             message = node.receive(min(left, ASK_AGAIN))
             if message is not None and self._is_box(message):
                 return
-        who = "a box" if self._p.box_address is None else f"the box {self._p.box_address}"
-        raise BoxError(f"{self._name}: {who} was not found on {self._p.where} within {self._p.wait_s:g} s")
+        sender = "a box" if self._p.box_address is None else f"the box {self._p.box_address}"
+        raise BoxError(f"{self._name}: {sender} was not found on {self._p.where} within {self._p.wait_s:g} s")
 
     def _is_box(self, message: Message) -> bool:
         """Whether a message comes from the box to obey."""
@@ -234,9 +236,9 @@ class CanSteering:
             message = node.receive(left)
             if message is not None and self._hear(message, t):
                 return
-        who = "the box" if self._peer is None else f"the box {self._peer}"
+        sender = "the box" if self._peer is None else f"the box {self._peer}"
         raise BoxError(
-            f"{self._name}: {who} on {self._p.where} did not answer within {self._p.answer_s:g} s, "
+            f"{self._name}: {sender} on {self._p.where} did not answer within {self._p.answer_s:g} s, "
             f"at {t / NS:g} s of simulated time"
         )
 

@@ -1,4 +1,4 @@
-"""CAN over UDP multicast that stays on this machine, unless it is told who else is on the bus.
+"""CAN over UDP multicast that stays on this machine, unless it is stated who else is on the bus.
 
 python-can hands on a frame from whoever sends to its port. Here a frame counts when its sender is on this
 machine or one of the `peers`; what is no CAN frame is dropped. Frames leave this machine only where there are

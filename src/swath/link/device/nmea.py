@@ -23,7 +23,7 @@ SENTENCES = ("GGA", "VTG", "RMC", "GST", "HDT", "THS", "PANDA", "PAOGI")
 USUAL = ("GGA", "VTG", "RMC", "GST", "HDT")
 KNOT = 1852.0 / 3600.0  # m/s
 FOOT = 0.3048  # m
-BEGUN = "2026-07-15T10:00:00Z"  # the receiver's clock where a run begins, unless it is told
+BEGUN = "2026-07-15T10:00:00Z"  # the receiver's clock where a run begins, unless it is stated
 GGA_QUALITY = (0, 1, 2, 5, 4)  # by number of a Fix: none, single, dgps, float, fix
 FIX_QUALITY = {0: 0, 1: 1, 2: 2, 3: 1, 4: 4, 5: 3, 9: 2}
 RMC_MODE = "NADFR"
@@ -161,8 +161,9 @@ WRITERS: dict[str, Callable[[Fix, datetime, float], str]] = {
 
 @dataclass
 class Epoch:
-    """What the sentences of one time of day said. seconds: of the day; angles [rad], bearings from north,
-    roll and pitch as in Fix.
+    """What the sentences of one time of day said.
+
+    seconds: of the day; angles [rad], bearings from north, roll and pitch as in Fix
     """
 
     seconds: float
@@ -191,8 +192,9 @@ class Listener:
 
     A sentence counts whole or not at all. Checksums are left away by all lines of a stream or by none.
 
-    epoch: the newest, still None before the first; wrong: lines so far that were no sentence, or had another
-    checksum; unknown: what sentences did not say, with how often
+    epoch: the newest, still None before the first
+    wrong: lines so far that were no sentence, or had another checksum
+    unknown: what sentences did not say, with how often
     """
 
     wrong: int = 0
@@ -232,12 +234,12 @@ class Listener:
             of = self.epoch if kind in UNTIMED else self._at(words[0])
             if of is None:
                 return
-            told = read(of, words)
+            fields = read(of, words)
         except ValueError:
             self.wrong += 1
             return
         self._begin(of)
-        vars(of).update(told)
+        vars(of).update(fields)
         if kind in ("GGA", "PANDA", "PAOGI") and of.quality and math.isnan(of.height):
             self.unknown["positions without a height above the ellipsoid"] += 1
         self._kinds[0].add(kind)
@@ -290,8 +292,8 @@ def _read_place(words: Sequence[str]) -> Told:
     latitude, longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
     quality, used = FIX_QUALITY.get(int(words[5] or 0), 0), int(words[6] or -1)
     quality = quality if used else 0
-    told = {"latitude": latitude, "longitude": longitude, "quality": quality, "satellites": used}
-    return {**told, "hdop": _read(words[7])}
+    fields = {"latitude": latitude, "longitude": longitude, "quality": quality, "satellites": used}
+    return {**fields, "hdop": _read(words[7])}
 
 
 def _read_gga(epoch: Epoch, words: Sequence[str]) -> Told:
@@ -325,8 +327,8 @@ def _read_heading(epoch: Epoch, words: Sequence[str]) -> Told:
 
 
 def _read_panda(epoch: Epoch, words: Sequence[str]) -> Told:
-    told = {"height": _read(words[8]), "age": _read(words[9]), "speed": _read(words[10], KNOT)}
-    return {**_read_place(words), **told}
+    fields = {"height": _read(words[8]), "age": _read(words[9]), "speed": _read(words[10], KNOT)}
+    return {**_read_place(words), **fields}
 
 
 def _read_paogi(epoch: Epoch, words: Sequence[str]) -> Told:

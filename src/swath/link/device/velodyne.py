@@ -36,7 +36,7 @@ PACKET = np.dtype([("blocks", BLOCK, (BLOCKS,)), ("time", "<u4"), ("mode", "u1")
 class Grid:
     """How the beams of a scan lie: order: of beams, (firing_count, LINES), in the order of the packets, whose
     azimuth grows; azimuth: of the first lines, clockwise [1/100 deg]; beam_t: of them [s]; every: firings of
-    the sensor from one of the scan to the next, those between are told without returns.
+    the sensor from one of the scan to the next, those between are reported without returns.
     """
 
     order: np.ndarray
@@ -87,8 +87,8 @@ def packets(scan: Scan, grid: Grid) -> list[bytes]:
     distance = np.round(ranges.astype(np.float64) / UNIT)
     is_told = np.isfinite(ranges) & (distance < 1 << 16)
     returns["distance"][: count : grid.every] = np.where(is_told, distance, 0.0)
-    told = np.round(intensity.astype(np.float64) * WHITE).clip(0, 255)
-    returns["reflectivity"][: count : grid.every] = np.where(is_told & np.isfinite(told), told, 0.0)
+    reported = np.round(intensity.astype(np.float64) * WHITE).clip(0, 255)
+    returns["reflectivity"][: count : grid.every] = np.where(is_told & np.isfinite(reported), reported, 0.0)
     blocks = np.zeros(padded // 2, BLOCK)
     blocks["flag"], blocks["returns"] = 0xFFEE, returns.reshape(-1, 2, LINES)
     blocks["azimuth"] = np.round(azimuth[::2]).astype(np.int64) % 36_000
@@ -103,9 +103,10 @@ def packets(scan: Scan, grid: Grid) -> list[bytes]:
 
 @dataclass
 class Firings:
-    """What a packet tells. time: past the hour [us]; azimuth: (24,) clockwise [1/100 deg] of the firings.
+    """What a packet says. time: past the hour [us]; azimuth: (24,) clockwise [1/100 deg] of the firings.
 
-    ranges: (24, LINES) [m], nan = no return; intensity: relative to a white target
+    ranges: (24, LINES) [m], nan = no return
+    intensity: relative to a white target
     """
 
     time: int
@@ -134,8 +135,11 @@ def read_packet(data: bytes) -> Firings | None:
 
 
 class Turns:
-    """Gathers the firings of packets to whole turns. lost: firings that are missing by the times; wrong:
-    datagrams that were no packets; late: packets that were older than one before, left out.
+    """Gathers the firings of packets to whole turns.
+
+    lost: firings that are missing by the times
+    wrong: datagrams that were no packets
+    late: packets that were older than one before, left out
     """
 
     def __init__(self) -> None:

@@ -40,7 +40,7 @@ class Events:
         self._lock = threading.Lock()
 
     def __call__(self, text: str) -> None:
-        """One more; from any thread."""
+        """Note one more event, from any thread."""
         with self._lock:
             if len(self.list) < MOST_EVENTS:
                 self.list.append((self.t * 1e-9, text))
@@ -176,13 +176,13 @@ class UdpSender:
         self._is_told = False
 
     def send(self, data: bytes) -> int:
-        """One datagram; 1 where it went out."""
+        """Send one datagram; returns 1 where it went out."""
         try:
             self._socket.sendto(data, self._to[1])
         except OSError as error:
             if not self._is_told:
                 self._tell(
-                    f"a datagram could not be sent ({error.strerror or error}); further ones are not told"
+                    f"a datagram could not be sent ({error.strerror or error}); further ones are not reported"
                 )
             self._is_told = True
             return 0
@@ -214,7 +214,7 @@ class Terminal:
         self.lost = 0
 
     def send(self, data: bytes) -> int:
-        """Write; 1 where it went in."""
+        """Write; returns 1 where it went in."""
         try:
             os.write(self._ours, data)
         except BlockingIOError:

@@ -83,7 +83,7 @@ class ChildProcess:
         return found
 
     def step(self, t: float, h: float, inputs: Numbers) -> list[float]:
-        """From t to t + h [s]."""
+        """Step from t to t + h [s]."""
         return self.run([(t, h, inputs)])
 
     def run(self, steps: Steps) -> list[float]:
@@ -96,7 +96,7 @@ class ChildProcess:
         return self._ask("save", doing="saving its state")
 
     def load(self, state: Any) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._ask("load", state, doing="loading its state")
 
     def close(self) -> None:

@@ -9,16 +9,16 @@ from swath import __version__
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""
-    from swath.terminal.options import add_scenario_options, former
+    from swath.terminal.options import add_scenario_options, former, option
 
     parser = parsers.add_parser("fmu", help="show, check and export FMUs")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     shows = verbs.add_parser("show", help="variables, units and capabilities of an FMU")
-    shows.add_argument("file", type=Path, metavar="X.fmu", help="an FMU, or a system of several (.ssp, .ssd)")
-    shows.add_argument("--all", action="store_true", help="local variables, too")
+    option(shows, "file X.fmu", "an FMU, or a system of several (.ssp, .ssd)", type=Path)
+    option(shows, "--all", "local variables, too")
     shows.set_defaults(run=run_show)
     checks = verbs.add_parser("check", help="run an FMU in a process of its own and say what was found")
-    checks.add_argument("file", type=Path, metavar="X.fmu", help="an FMU")
+    option(checks, "file X.fmu", "an FMU", type=Path)
     for flag, default, text in (
         ("--step-ms", 100.0, "communication step [ms]"),
         ("--duration-s", 1.0, "simulated time [s]"),
@@ -28,14 +28,12 @@ def add(parsers: Any) -> None:
     checks.set_defaults(run=run_check)
 
     exports = verbs.add_parser("export", help="slots of a scenario as an FMU for other tools")
-    exports.add_argument("scenario", metavar="NAME|FILE", help="bundled scenario, YAML file or run folder")
-    exports.add_argument("--fmi", type=int, default=3, metavar="N", help="version of FMI: 3 (default) or 2")
+    option(exports, "scenario NAME|FILE", "bundled scenario, YAML file or run folder")
+    option(exports, "--fmi N", "version of FMI: 3 (default) or 2", 3)
     slot = "combine.process, or process where there is one machine; may be given several times"
     key = "a key of the scenario that becomes a parameter, e.g. field.stand.stems_per_m2"
-    exports.add_argument("--slot", action="append", default=[], dest="parts", metavar="SLOT", help=slot)
-    exports.add_argument(
-        "--parameter", action="append", default=[], dest="parameters", metavar="KEY", help=key
-    )
+    option(exports, "--slot SLOT", slot, [], dest="parts")
+    option(exports, "--parameter KEY", key, [], dest="parameters")
     add_scenario_options(exports)
     former(exports, parts="--part")
     exports.set_defaults(run=run_export)

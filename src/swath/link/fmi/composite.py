@@ -122,7 +122,7 @@ class Composite:
 
     @property
     def notes(self) -> list[str]:
-        """Of the file and of all components."""
+        """Notes of the file and of all components."""
         own = [f"{p.path}: {note}" for p in self._parts for note in p.unit.notes]
         return [*self._system.notes, *own]
 
@@ -159,7 +159,7 @@ class Composite:
         return [p.unit.save() for p in self._parts], dict(self._values), dict(self._held)
 
     def load(self, state: Any) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         units, values, held = state
         for part, inner in zip(self._parts, units, strict=True):
             part.unit.load(inner)

@@ -19,7 +19,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.temporary import TemporaryFolder
 from swath.core.whole_file import write_whole
 from swath.documents.packed import open_archive
@@ -131,11 +131,14 @@ _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
 class Variable:
     """One variable, or an array.
 
-    kind: real, int, bool, string or other; type: as FMI names it, e.g. Float64
-    unit: None where the FMU names none; unit_name: as written
+    kind: real, int, bool, string or other
+    type: as FMI names it, e.g. Float64
+    unit: None where the FMU names none
+    unit_name: as written
     start: value in the FMU's unit, None where it has none
     refs: value references, one for a scalar or an array of FMI 3, one per element for `name[i]` of FMI 2
-    size: count of numbers; is_array: also true for an array of one
+    size: count of numbers
+    is_array: also true for an array of one
     dimensions: (reference of the structural parameter that says it, -1 for none; length as the file has it)
     """
 
@@ -238,10 +241,8 @@ class Clock:
 
 def read_fmu(file: Path, key: str = "file") -> Description:
     """Read an FMU without unpacking it. InputError names what makes it unusable, `faults` what does not."""
-    try:
+    with Extra("fmi", "an FMU"):
         import fmpy
-    except ImportError as error:
-        raise MissingExtra("fmi", "an FMU") from error
     with open_archive(file, key, what="an FMU, a zip archive") as archive:
         names = archive.namelist()
     if "modelDescription.xml" not in names:

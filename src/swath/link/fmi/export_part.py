@@ -112,7 +112,7 @@ class Feed:
         }
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         values, self.held.is_given = state["held"]
         pending, self._length = state["waiting"]
         self.held.values, self._pending = dict(values), dict(pending)
@@ -195,7 +195,7 @@ class Part:
         }
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self.world.load(state["world"])
         for source, feed in self._feeds.items():
             feed.load(state["feeds"][source])

@@ -127,7 +127,7 @@ class Instance(ABC):
 
     @unstopped()
     def load(self, state: Any) -> None:
-        """Back to a saved state."""
+        """Take on a saved state."""
         if "kept" in state:
             if state["kept"] >= len(self._kept):
                 raise FmuError("its state was saved by another instance (canSerializeFMUState is false)")
@@ -166,7 +166,7 @@ class Instance(ABC):
         return [*self.notes]
 
     def outputs(self) -> list[float]:
-        """All outputs now."""
+        """Values of all outputs now."""
         found: list[float] = []
         for group in self._outputs:
             self.library.call("Get" + group.name, self.handle, *group.args)

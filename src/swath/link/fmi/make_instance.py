@@ -160,7 +160,7 @@ MOST_RETRIES = 1000
 class Instance2(Instance):
     """An FMU of FMI 2 in this process.
 
-    IS_NEW_STEP: last argument of DoStep; SAYS_ENDED: a discarded step can tell that the simulation ended
+    IS_NEW_STEP: last argument of DoStep; SAYS_ENDED: a discarded step can say that the simulation ended
     """
 
     IS_NEW_STEP, SAYS_ENDED = 0, True

@@ -126,8 +126,8 @@ class AgOpenGpsSteering(KeepsState):
         _, number, content = message
         if number == pgn.HELLO:
             self._say(pgn.hello(angle))
-        told = pgn.read_steer_data(content) if number == pgn.STEER_DATA else None
-        if told is None:
+        command = pgn.read_steer_data(content) if number == pgn.STEER_DATA else None
+        if command is None:
             return
         if self._peer is None:
             self._peer = sender
@@ -139,8 +139,8 @@ class AgOpenGpsSteering(KeepsState):
             return
         self._arrived.append(arrived)
         self._heard_at = end
-        is_on = told.is_on and told.speed >= pgn.SLOWEST
-        curvature = math.tan(told.angle) / self._wheelbase
+        is_on = command.is_on and command.speed >= pgn.SLOWEST
+        curvature = math.tan(command.angle) / self._wheelbase
         self._command = SteerCommand(end, curvature if is_on else self._command.curvature, is_on)
         self._say(pgn.steer_response(angle, is_free=True))
 

@@ -53,8 +53,10 @@ STEP = 10.0  # to the north, of which the grid's convergence is taken [m]
 class DeviceSetup:
     """name: of the slot, such as `combine.lidar`; outputs: that it has; period: of it [s].
 
-    range_max: that a scanner reports [m], nan where it does not say; origin: of the field on Earth
-    factor: simulated seconds per second; identity: what the sensor calls itself, empty = not known
+    range_max: that a scanner reports [m], nan where it does not say
+    origin: of the field on Earth
+    factor: simulated seconds per second
+    identity: what the sensor calls itself, empty = not known
     """
 
     name: str
@@ -135,8 +137,8 @@ class Device:
     @property
     def notes(self) -> list[str]:
         """The same in a line for people, then what happened on the wire."""
-        told = self.summary()
-        jitter = f", jitter p99 {told['jitter_ms']['p99']:.2f} ms" if "jitter_ms" in told else ""
+        summary = self.summary()
+        jitter = f", jitter p99 {summary['jitter_ms']['p99']:.2f} ms" if "jitter_ms" in summary else ""
         head = (
             f"device {self.setup.name} at {self.where}: {self.sample_count} samples, {self.sent_count} sent"
         )
@@ -171,7 +173,7 @@ class Lms(Device):
 
     @property
     def port(self) -> int:
-        """That it listens to."""
+        """Port that it listens to."""
         assert self._server is not None
         return self._server.port
 
@@ -289,7 +291,7 @@ class Nmea(Device):
 
     @property
     def port(self) -> int:
-        """That it listens to."""
+        """Port that it listens to."""
         return int(self._wire.port)
 
     def _send(self, sample: Any, t: int) -> int:
@@ -350,7 +352,8 @@ OPTIONS = {"lms": ("cola",), "velodyne": (), "nmea": ()}
 class Params:
     """address: of the device, or where it is heard, as in docs/how-to/devices.md.
 
-    mount: of a scanner on the machine; antenna_m: x, y, z of a receiver's antenna on it
+    mount: of a scanner on the machine
+    antenna_m: x, y, z of a receiver's antenna on it
     wait_s: how long to wait for the first sample
     timeout_ms: longest time without a sample
     on_timeout: `note` says so and goes on, `fail` ends the run with an error
@@ -426,9 +429,9 @@ class DeviceSlot:
         found = [f"{name}: {self._count} samples from {self._where}"]
         if self._skipped:
             found[0] += f", {self._skipped} of them left out for a newer one"
-        told = [] if self._stream is None else self._stream.notes
+        notes = [] if self._stream is None else self._stream.notes
         events = [f"at {t:.2f} s: {text}" for t, text in list(self._events.list)]
-        return found + [f"{name}: {text}" for text in [*told, *events]]
+        return found + [f"{name}: {text}" for text in [*notes, *events]]
 
     def reset(self, stream: Stream) -> Outputs:
         """Connect, and wait for the first sample. SwathError where there is none in time."""
@@ -533,20 +536,20 @@ class _LmsStream:
                 values = cola.Values(content, binary=binary)
                 if values.name != "LMDscandata" or values.command not in ("sSN", "sRA"):
                     continue
-                told = lms.read_scan(values)
+                reported = lms.read_scan(values)
             except cola.Garbage:
                 self._wrong += 1
                 continue
             if self._counter is not None:
-                ahead = (told.counter - self._counter + (1 << 15)) % (1 << 16) - (1 << 15)
+                ahead = (reported.counter - self._counter + (1 << 15)) % (1 << 16) - (1 << 15)
                 if -1000 < ahead <= 0:
                     self._late += 1
                     continue
                 self._lost += ahead - 1 if 0 < ahead < 1000 else 0
-            self._counter = told.counter
-            sweep = told.step * (len(told.ranges) - 1) / (2.0 * np.pi) / max(told.frequency, 1e-3)
-            ended = told.begun * lms.MICRO + round(sweep * NS)
-            yield told.scan(self._clock.of(ended, arrived))
+            self._counter = reported.counter
+            sweep = reported.step * (len(reported.ranges) - 1) / (2.0 * np.pi) / max(reported.frequency, 1e-3)
+            ended = reported.begun * lms.MICRO + round(sweep * NS)
+            yield reported.scan(self._clock.of(ended, arrived))
 
 
 class _VelodyneStream:

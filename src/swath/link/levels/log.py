@@ -51,7 +51,7 @@ TURN_S, LEAST_TURN = (
     2.0,
     10.0 * DEG,
 )  # windows in which turns are compared [s], and of them all, at least [rad]
-TURNS_ALIKE = 0.1, 0.5  # share by which turns may differ: told, refused
+TURNS_ALIKE = 0.1, 0.5  # share by which turns may differ: noted, refused
 TURNS_SEEN = 0.9  # correlation of turns that are the same, in another unit
 FASTEST_TURN = 1.5  # of a machine at work [rad/s]
 UNKNOWN_SD_M = 3.5  # of the height of a receiver without corrections (docs/explanation/sensors.md)
@@ -152,14 +152,14 @@ class Lift:
     def note(self, *, is_mended: bool) -> str:
         """What the user should know; is_mended: samples are put where they belong by `lifted`."""
         side = "above" if self.above > 0 else "below"
-        told = (
+        note = (
             f"the track lies {abs(self.above):.1f} m {side} the terrain ({self.low:.1f} to {self.high:.1f})"
         )
         if self.is_constant:
             done = "; taken off" if is_mended else ""
-            return f"{told}: another datum of heights (ellipsoid, geoid), or the antenna's height{done}"
+            return f"{note}: another datum of heights (ellipsoid, geoid), or the antenna's height{done}"
         done = "; put on the terrain" if is_mended else ""
-        return f"{told}: it was not recorded on this terrain{done}"
+        return f"{note}: it was not recorded on this terrain{done}"
 
     def lifted(self, sample: Signal) -> Signal:
         """A MachineState on the terrain."""
@@ -210,7 +210,9 @@ BESIDE: dict[type[Signal], str] = {
 class GeoOrigin:
     """Where local (0, 0, 0) lies, on WGS 84.
 
-    lat_deg: to the north; lon_deg: to the east; height_m: above the ellipsoid
+    lat_deg: to the north
+    lon_deg: to the east
+    height_m: above the ellipsoid
     """
 
     lat_deg: Annotated[float, Ge(-90), Le(90)]
@@ -224,7 +226,8 @@ class Params:
 
     slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
     topics: output: topic, or output.number: topic:path.in.message (other recordings)
-    constants: output.number: value, for numbers that no topic has; values: the same, its older name
+    constants: output.number: value, for numbers that no topic has
+    values: the same, its older name
     scale: output.number: factor, where a message has other units than SI and radians
     start_s: where in the recording the run starts, from its first message
     clock: a sample comes out when its message was received, or at its stamp
@@ -233,7 +236,8 @@ class Params:
     gap_s: longer ones are reported (default: three times the usual interval)
     frame: that of the messages to play, where a topic has several (default: that of the first)
     mount: of the sensor (default: as recorded)
-    origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
+    origin: of NavSatFix positions (default: the first one)
+    field_folder: or that of a field folder
     antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
     """
 
@@ -377,7 +381,7 @@ def to_local(params: Params, base: Path) -> ToLocal | None:
     return None if o is None else TangentPlane(o.lon_deg, o.lat_deg, o.height_m)
 
 
-MOUNTED = (Scan, RadarTargets, Image, Fix, Inertial)  # samples of sensors whose place control is told
+MOUNTED = (Scan, RadarTargets, Image, Fix, Inertial)  # samples of sensors whose place control knows
 FRAMED = (*MOUNTED, MachineState, Odometry)  # of these a frame says of which sensor, or machine, they are
 CHECKED = 3000  # samples of a signal that say in which frame it is
 LATE_S = 1.0  # the first sample may come this much after the start [s]
@@ -660,8 +664,8 @@ class LogPlayer:
             if own in ("", frame):
                 yield topic, t, message
             else:
-                told = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
-                self._context.note(f"{told} plays them")
+                note = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
+                self._context.note(f"{note} plays them")
 
     def _from_numbers(self, source: Source, records: Iterator[Record], context: Context) -> Iterator[Timed]:
         """A sample whenever one of its numbers came, once all have."""

@@ -68,7 +68,7 @@ class Ros2Slot:
         ]
 
     def reset(self, stream: Stream) -> Outputs:
-        """Wait for the node, tell it about the machine, and have its output at t = 0."""
+        """Wait for the node, describe the machine to it, and have its output at t = 0."""
         node = self._open()
         self._steps = self._stale = 0
         self._tell_others()

@@ -4,16 +4,16 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("osi", help="scans or radar detections of a run as an ASAM OSI trace")
-    parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
-    parser.add_argument("--out", type=Path, required=True, metavar="X.osi", help="file to write")
-    parser.add_argument(
-        "--type", default="sd", metavar="T", help="sd = SensorData (default), sv = SensorView"
-    )
-    parser.add_argument("--slot", metavar="SLOT", help="a scanner or radar (default: the first recorded)")
+    option(parser, "run_folder RUN", "a run folder", type=Path)
+    option(parser, "--out X.osi", "file to write", type=Path, required=True)
+    option(parser, "--type T", "sd = SensorData (default), sv = SensorView", "sd")
+    option(parser, "--slot SLOT", "a scanner or radar (default: the first recorded)")
     parser.set_defaults(run=run)
 
 

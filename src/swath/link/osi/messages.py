@@ -103,8 +103,9 @@ def load_osi() -> dict[str, Any]:
 class Writer:
     """Makes the messages of one scanner or radar.
 
-    host: name of the machine that carries it; sheets: of all machines, in their order; mounting:
-    pose_machine_sensor
+    host: name of the machine that carries it
+    sheets: of all machines, in their order
+    mounting: pose_machine_sensor
     """
 
     def __init__(self, host: str, sheets: Mapping[str, MachineSheet], mounting: Pose) -> None:
@@ -118,7 +119,7 @@ class Writer:
 
     @property
     def version(self) -> tuple[int, int, int]:
-        """Of the interface."""
+        """Version of the interface."""
         v = self._version
         return v.version_major, v.version_minor, v.version_patch
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_ros2_network
+from swath.terminal.options import add_ros2_network, option
 
 
 def add(parsers: Any) -> None:
@@ -12,17 +12,13 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("ros2", help="a recorded run as ROS 2 topics; swath's message types")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     play = verbs.add_parser("play", help="publish a recorded run at its pace", description=_DESCRIPTION)
-    play.add_argument("source", type=Path, metavar="RUN", help="a run folder, or its run.mcap")
-    play.add_argument(
-        "--factor", type=float, default=1.0, metavar="X", help="simulated seconds per second (default 1)"
-    )
+    option(play, "source RUN", "a run folder, or its run.mcap", type=Path)
+    option(play, "--factor X", "simulated seconds per second", 1.0)
     add_ros2_network(play)
     play.set_defaults(run=run_play)
     text = "write swath_msgs, the package of swath's own message types, for colcon to build"
     package = verbs.add_parser("package", help=text, description=text)
-    package.add_argument(
-        "--out", type=Path, default=Path(), metavar="DIR", help="where to write (default: here)"
-    )
+    option(package, "--out DIR", "where to write (default: here)", Path())
     package.set_defaults(run=run_package)
 
 

@@ -39,9 +39,13 @@ class Drive:
 
 @dataclass(frozen=True)
 class CommandStream:
-    """One kind of message. level: its name in a scenario; topic: the usual one; package, name: of the
-    message; field: in the stamped one, of the command; read: the command and the wheelbase [m] to what it
-    asks for.
+    """One kind of message.
+
+    level: its name in a scenario
+    topic: the usual one
+    package, name: of the message
+    field: in the stamped one, of the command
+    read: the command and the wheelbase [m] to what it asks for
     """
 
     level: str
@@ -121,7 +125,7 @@ class DriveNode:
         self._steps = self._silent = 0
         self._drive = Drive(0.0, 0.0)
         started = time.monotonic()
-        deadline, told = started + self._p.start_timeout_s, False
+        deadline, has_warned = started + self._p.start_timeout_s, False
         while not self._take(0):
             now = time.monotonic()
             if now >= deadline:
@@ -129,10 +133,10 @@ class DriveNode:
                     f"{self._setup.name}: no {self._msgtype} on {self._topic} within "
                     f"{self._p.start_timeout_s:g} s; a node with the same ROS_DOMAIN_ID must publish it"
                 )
-            if now > started + PATIENCE_S and not told:
+            if now > started + PATIENCE_S and not has_warned:
                 text = "swath: %s: nothing on %s yet, waiting for it for %.0f s more"
                 logging.getLogger(__name__).warning(text, self._setup.name, self._topic, deadline - now)
-                told = True
+                has_warned = True
             self._executor.spin_once(timeout_sec=min(0.1, deadline - now))
         return self._outputs(0)
 

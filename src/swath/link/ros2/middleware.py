@@ -40,7 +40,7 @@ def _within_reach() -> Iterator[None]:
     """The environment in which ROS 2 starts: nodes of this machine alone, unless inside `networked`.
 
     With Fast DDS, the default, its sockets are those of the loopback interface too, unless the user has a
-    profile of his own; others are only told to look for nobody elsewhere. A profile that lies in the working
+    profile of his own; others only have to look for nobody elsewhere. A profile that lies in the working
     folder may name addresses and log files: it is left unread.
     """
     wanted = {"SKIP_DEFAULT_XML_FILE": "1"}

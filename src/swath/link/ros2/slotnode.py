@@ -324,16 +324,17 @@ class SlotNode:
         """One line for the error: which node did not answer which step."""
         present = self._speakers()
         if self._names and not present:
-            who = f"the node {self._names[0]} has ended"
+            missing = f"the node {self._names[0]} has ended"
         elif names := present or self._names:
-            who = f"the node {names[0]} is silent"
+            missing = f"the node {names[0]} is silent"
         else:
-            who = "no node publishes there"
+            missing = "no node publishes there"
         late = [topic for topic, key in self._wanted.items() if not self._is_for(key, t)]
         stamps = [stamp_ns(m.header.stamp) / NS for m in self._answers.values()]
         last = f"; its last answer was for {max(stamps):g} s" if stamps else "; it never answered"
         where = " and ".join(late)
-        return f"{self._setup.name}: no answer for {t / NS:g} s on {where} within {waited_s:g} s: {who}{last}"
+        name = self._setup.name
+        return f"{name}: no answer for {t / NS:g} s on {where} within {waited_s:g} s: {missing}{last}"
 
     def _subscribe(self) -> dict[str, str]:
         """Key by topic in `_answers`, of everything that makes an answer complete."""
@@ -352,8 +353,8 @@ class SlotNode:
         try:
             return self._records_of(t) | {p.name: scan_of(self._answers[p.name], t) for p in self._clouds}
         except SwathError as error:
-            who = f"the answer of {', '.join(self._names) or 'a node'} for {t / NS:g} s"
-            raise SwathError(f"{self._setup.name}: {who}: {error}") from error
+            missing = f"the answer of {', '.join(self._names) or 'a node'} for {t / NS:g} s"
+            raise SwathError(f"{self._setup.name}: {missing}: {error}") from error
 
     def _records_of(self, t: int) -> Outputs:
         if not self._records:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
@@ -56,24 +57,25 @@ class FixedHeightHeader(InWorlds):
         self.path, self.gauge = LinePath(params.sweep_step_m), FillGauge(setup.machine.header_width)
 
     @classmethod
-    def together(cls, parts: Sequence["FixedHeightHeader"]) -> "Header | None":
-        """That of one world: the field of one that has ended is cut no more."""
-        return Header(parts[0]) if len(parts) == 1 else None
+    def together(cls, parts: Sequence["FixedHeightHeader"]) -> "Headers":
+        """Make one object that steps these parts of many worlds together."""
+        return Headers(parts)
 
 
-class Header(Compiled):
-    """The header of one world, which cuts as soon as it is due."""
+class Headers(Compiled):
+    """The headers of many worlds, each of which cuts as soon as it is due."""
 
     hears: ClassVar = {"state": MachineState}
 
-    def __init__(self, part: FixedHeightHeader) -> None:
-        super().__init__(1, {"flow": row_of(CropFlow, 1, FLOWS)})
-        self._part = part
+    def __init__(self, parts: Sequence[FixedHeightHeader]) -> None:
+        super().__init__(len(parts), {"flow": row_of(CropFlow, len(parts), FLOWS)})
+        self._parts = parts
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Nothing cut; the knife's place is taken from the first state that comes."""
-        self._part.path.clear()
-        self._part.gauge.clear()
+        for part in self._parts:
+            part.path.clear()
+            part.gauge.clear()
         self.sent["flow"].memory[:] = 0
         return self.sent_at(0)
 
@@ -82,29 +84,30 @@ class Header(Compiled):
         return [self.asking()]
 
     def supply(self, stage: int) -> None:
-        """Cut what the knife passed over since the last step."""
-        part, trail = self._part, self.heard["state"]
-        poses = trail.memory["pose"][: trail.count, 0].tolist()
-        taken, swept_area = Cut(), 0.0
-        try:
-            for before, now in part.path.over(line_ends(pose, *part.knife) for pose in poses):
-                for polygon in swept(before, now):
-                    taken += part.field.cut(polygon, part.params.cutting_height_m)
-                    swept_area += signed_area(polygon)
-        except SwathError as error:
-            self.errors[0] = error
-        fill = part.gauge.read(taken.area, swept_area)
-        sums = taken.grain, taken.straw, taken.area, taken.stem_count
-        self.sent["flow"].memory[0] = *sums, fill, self.clock[2] / NS, taken.grain_left
+        """Cut what the knives of worlds that run passed over since the last step."""
+        trail, memory = self.heard["state"], self.sent["flow"].memory
+        for world in np.flatnonzero(self.active).tolist():
+            part, poses = self._parts[world], trail.memory["pose"][: trail.count, world].tolist()
+            taken, swept_area = Cut(), 0.0
+            try:
+                for before, now in part.path.over(line_ends(pose, *part.knife) for pose in poses):
+                    for polygon in swept(before, now):
+                        taken += part.field.cut(polygon, part.params.cutting_height_m)
+                        swept_area += signed_area(polygon)
+            except SwathError as error:
+                self.errors[world] = error
+            fill = part.gauge.read(taken.area, swept_area)
+            sums = taken.grain, taken.straw, taken.area, taken.stem_count
+            memory[world] = *sums, fill, self.clock[2] / NS, taken.grain_left
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
-        return {"path": self._part.path.save(), "gauge": self._part.gauge.save()}
+        return {"path": self._parts[world].path.save(), "gauge": self._parts[world].gauge.save()}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
-        self._part.path.load(state["path"])
-        self._part.gauge.load(state["gauge"])
+        """Take on a state that `save` gave."""
+        self._parts[world].path.load(state["path"])
+        self._parts[world].gauge.load(state["gauge"])
 
 
 LEVEL = Level(

@@ -49,7 +49,7 @@ class ProfileHeader(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["ProfileHeader"]) -> "Headers":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Headers(parts)
 
 
@@ -97,7 +97,7 @@ class Headers(Compiled):
         return {"cutting": self._cuttings.save(world)}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._cuttings.load(world, state["cutting"])
 
 

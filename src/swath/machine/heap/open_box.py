@@ -34,7 +34,9 @@ BESIDE = 0.15  # how far from the wall grain lands that ran over the rim [m]
 class Surface(KeepsState):
     """Heights above the floor at the middles of square cells, x along the box, y to the left of its middle.
 
-    box: its measures; slope: tangent of the angle of repose; cell: wanted side of a cell [m]
+    box: its measures
+    slope: tangent of the angle of repose
+    cell: wanted side of a cell [m]
     """
 
     kept = ("heights",)
@@ -186,7 +188,7 @@ class Heap(KeepsState):
 
     @property
     def grain(self) -> float:
-        """In the box [kg]."""
+        """Grain in the box [kg]."""
         return self.start * self.density + self._caught.value
 
     @property
@@ -212,7 +214,7 @@ class Heap(KeepsState):
         return self.box.floor + self._surface.at(x, y)
 
     def reset(self, stream: Stream) -> Outputs:
-        """As full as at the start."""
+        """Fill the box as at the start."""
         self._clear()
         return {"heap": self._state(0)}
 

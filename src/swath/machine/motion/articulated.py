@@ -100,7 +100,7 @@ class Articulated(KeepsState):
         return self._output(0, 0.0)
 
     def load(self, state: dict[str, object]) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         super().load(state)
         self._follower.at(*self._q[:3])
 
@@ -121,7 +121,7 @@ class Articulated(KeepsState):
         return self._output(t + dt, steer)
 
     def _advance(self, m: _Moment, h: float) -> None:
-        """One classical Runge-Kutta step of order 4."""
+        """Take one classical Runge-Kutta step of order 4."""
         q = self._q
         k1, _ = self._rates(q, m)
         k2, _ = self._rates(_moved(q, k1, 0.5 * h), m)

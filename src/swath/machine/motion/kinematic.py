@@ -57,7 +57,7 @@ class Kinematic(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Kinematic"]) -> "Vehicles":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Vehicles(parts)
 
 

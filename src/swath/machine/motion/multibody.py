@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 from swath.core.frames import Pose
 from swath.core.portable import product
 from swath.core.random import Stream
@@ -188,7 +188,7 @@ class Multibody(KeepsState):
         return {**super().save(), "mujoco": kept}
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._fill(state["grain"], force=True)
         kind = self._mj.mjtState.mjSTATE_INTEGRATION
         self._mj.mj_setState(self.model, self.data, state["mujoco"], kind)
@@ -292,7 +292,7 @@ class Multibody(KeepsState):
 
     @property
     def mass(self) -> float:
-        """Of the whole machine [kg]."""
+        """Mass of the whole machine [kg]."""
         return float(self.model.body_mass.sum())
 
 
@@ -351,10 +351,8 @@ def _cross(a: Any, b: Any) -> Any:
 
 
 def _engine() -> Any:
-    try:
+    with Extra("multibody", "motion level multibody"):
         import mujoco
-    except ImportError:
-        raise MissingExtra("multibody", "motion level multibody") from None
     mujoco.set_mju_user_warning(_warn)  # else it writes into the working folder
     return mujoco
 

@@ -118,7 +118,7 @@ class OnGround(Compiled):
         }
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         for name, column in self.tracks.of.items():
             column[world] = state[name]
         self.stands.load(world, state["stand"])

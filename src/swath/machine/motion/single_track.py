@@ -102,7 +102,7 @@ class SingleTrack(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["SingleTrack"]) -> "Cars":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Cars(parts)
 
     @property
@@ -207,7 +207,7 @@ class Cars(OnGround):
         }
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._fill(world, state["grain"])
         self._moments.load(world, state["moment"])
         super().load(world, state)

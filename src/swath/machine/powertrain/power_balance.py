@@ -28,7 +28,7 @@ class Powers:
 
     @property
     def belts(self) -> float:
-        """All but propulsion [W]."""
+        """Power of all consumers but propulsion [W]."""
         crop = self.header + self.threshing + self.separation + self.cleaning + self.chopper
         return crop + self.unloading + self.auxiliary
 

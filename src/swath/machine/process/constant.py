@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import fsum
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
@@ -108,14 +109,13 @@ class ConstantProcess(InWorlds):
         self.tank, self.outlet = tank_of(setup.machine), outlet_of(params, setup)
 
     @classmethod
-    def together(cls, parts: Sequence["ConstantProcess"]) -> "Processes | None":
-        """All of them, on fields where straw is counted and not seen: worlds that have ended lay on."""
-        are_counted = len(parts) == 1 or all(part.field.profile is not None for part in parts)
-        return Processes(parts) if are_counted else None
+    def together(cls, parts: Sequence["ConstantProcess"]) -> "Processes":
+        """Make one object that steps these parts of many worlds together."""
+        return Processes(parts)
 
 
 class Processes(Compiled):
-    """Those of many worlds."""
+    """The parts of many worlds, stepped together."""
 
     reads: ClassVar = {"state": MachineState}
     hears: ClassVar = {"flow": CropFlow}
@@ -147,11 +147,12 @@ class Processes(Compiled):
         return [repeatable(pass_on, given, threads=self.worlds)]
 
     def supply(self, stage: int) -> None:
-        """Lay the straw."""
+        """Lay the straw of worlds that run."""
         state: Any = self.given["state"]
-        for world, (part, laid) in enumerate(zip(self._parts, self._sums.of["laid"].tolist(), strict=True)):
+        laid = self._sums.of["laid"].tolist()
+        for world in np.flatnonzero(self.active).tolist():
             try:
-                part.outlet.drop(laid, state.of(world))
+                self._parts[world].outlet.drop(laid[world], state.of(world))
             except SwathError as error:
                 self.errors[world] = error
 
@@ -160,7 +161,7 @@ class Processes(Compiled):
         return {"sums": self._sums.save(world), "outlet": self._parts[world].outlet.save()}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
+        """Take on a state that `save` gave."""
         self._sums.load(world, state["sums"])
         self._parts[world].outlet.load(state["outlet"])
 

@@ -33,12 +33,12 @@ class LaidStraw(KeepsState):
 
     @property
     def notes(self) -> Sequence[str]:
-        """Those of the process."""
+        """Notes of the process."""
         return self.part.notes if isinstance(self.part, HasNotes) else ()
 
     @property
     def steps_any_length(self) -> bool:
-        """As the process."""
+        """Whether the process takes steps of any length."""
         return isinstance(self.part, StepsAnyLength) and self.part.steps_any_length
 
     def reset(self, stream: Stream) -> Outputs:

@@ -12,7 +12,8 @@ from swath.signals import MachineState
 class StrawOutlet(KeepsState):
     """Lays straw over the ground that the outlet passed, every `step` [m] of travel.
 
-    outlet_x: ahead of the fixed axle [m]; width [m]; ridge: heaped along the path, otherwise even
+    outlet_x: ahead of the fixed axle [m]; width [m]
+    ridge: heaped along the path, otherwise even
     """
 
     kept = ("_ends", "_origin", "_loose")
@@ -40,7 +41,7 @@ class StrawOutlet(KeepsState):
             return
         ends = line_ends(plain(state.pose), *self._outlet)
         ways = [(x - u, y - v) for (x, y), (u, v) in zip(ends, before, strict=True)]
-        if max(hypot(*way) for way in ways) < self._step:
+        if max(hypot(*move) for move in ways) < self._step:
             return
         polygons = swept(before, ends)
         area = fsum(signed_area(p) for p in polygons)

@@ -65,7 +65,7 @@ class Actuator(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["Actuator"]) -> "Actuators":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Actuators(parts)
 
 
@@ -116,20 +116,20 @@ class Actuators(Compiled):
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
         first, count = (int(self._wheels.of[name][world]) for name in ("first", "count"))
-        way = (first + np.arange(count)) % ROOM
+        places = (first + np.arange(count)) % ROOM
         queue = (self._arrivals, self._curvatures, self._engaged)
         return {
             "wheel": self._wheels.save(world),
-            "queue": [array[world, way] for array in queue],
+            "queue": [array[world, places] for array in queue],
             "seen": int(self._seen[world]),
         }
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._wheels.load(world, state["wheel"])
-        way = (int(self._wheels.of["first"][world]) + np.arange(len(state["queue"][0]))) % ROOM
+        places = (int(self._wheels.of["first"][world]) + np.arange(len(state["queue"][0]))) % ROOM
         for array, own in zip((self._arrivals, self._curvatures, self._engaged), state["queue"], strict=True):
-            array[world, way] = own
+            array[world, places] = own
         self._seen[world] = state["seen"]
 
 

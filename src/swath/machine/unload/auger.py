@@ -56,7 +56,7 @@ class Stream(KeepsState):
 
     @property
     def mass(self) -> float:
-        """In the air [kg]."""
+        """Grain in the air [kg]."""
         return fsum(p.mass for p in self._parcels)
 
     def fly(self, t: float) -> tuple[float, float]:

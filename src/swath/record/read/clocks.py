@@ -8,7 +8,7 @@ from swath.core.schedule import NS
 LATE, EARLY = 2 * NS, NS  # a stamp this far before, or after, it was received is of another clock
 STEP = NS // 8  # a clock that differs by more is set, by less it is slowed down: ntpd steps from 0.128 s
 SCALES = {"TAI": 37, "GPS time": 18}  # seconds ahead of UTC, since 2017
-PACE = 0.5, 2.0  # of a clock over the log's: where messages were written at another, neither tells of steps
+PACE = 0.5, 2.0  # of a clock over the log's: where messages were written at another, neither shows steps
 
 
 @dataclass
@@ -53,7 +53,7 @@ class Clocks:
     _of: dict[str, _Clock] = field(default_factory=dict)
 
     def again(self) -> "Clocks":
-        """For another pass through the recording."""
+        """Begin another pass through the recording."""
         return Clocks([*self.zeros])
 
     def time(self, of: str, stamp: int, t: int, note: Callable[[str], None]) -> int:
@@ -68,8 +68,8 @@ class Clocks:
             zero = self._zero(of, t - stamp, note)
             clock = self._of[of] = _Clock(zero, (stamp, t), (stamp, t), t - stamp - zero)
         elif step := clock.follow(stamp, t):
-            way = "back" if step < 0 else "ahead"
-            note(f"the clock of {of} was set {way} by {abs(step) / NS:.2f} s: its times go on from before")
+            to = "back" if step < 0 else "ahead"
+            note(f"the clock of {of} was set {to} by {abs(step) / NS:.2f} s: its times go on from before")
         return stamp + clock.shift
 
     def _zero(self, of: str, late: int, note: Callable[[str], None]) -> int:
@@ -81,6 +81,6 @@ class Clocks:
                     note(f"stamps of {of} are {scales[zero]}, which is taken off")
                 return zero
         self.zeros.append(late)
-        told = "they count from when the first was received, as if that took no time"
-        note(f"stamps of {of} are not on the clock of the log: {told}")
+        text = "they count from when the first was received, as if that took no time"
+        note(f"stamps of {of} are not on the clock of the log: {text}")
         return late

@@ -44,19 +44,19 @@ class Definitions:
     def _size_of(self, field: Any) -> int:
         from rosbags.interfaces import Nodetype
 
-        kind, told = field
+        kind, definition = field
         if kind == Nodetype.NAME:
-            if not (least := self.least(told)):
-                raise ValueError(f"{told}, which holds nothing, is within another message")
+            if not (least := self.least(definition)):
+                raise ValueError(f"{definition}, which holds nothing, is within another message")
             return least
         if kind == Nodetype.BASE:
-            return _base_bytes(told[0])
-        least = self._size_of(told[0])  # of an element
+            return _base_bytes(definition[0])
+        least = self._size_of(definition[0])  # of an element
         if kind == Nodetype.SEQUENCE:
             return 4
-        if told[0][0] != Nodetype.BASE or told[0][1][0] == "string":
-            self._unrolled += told[1]
-        return least * int(told[1])
+        if definition[0][0] != Nodetype.BASE or definition[0][1][0] == "string":
+            self._unrolled += definition[1]
+        return least * int(definition[1])
 
 
 def definitions_of(text: bytes, name: str, *, is_idl: bool = False) -> Definitions:

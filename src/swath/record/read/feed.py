@@ -75,7 +75,7 @@ class _Queue:
         self.is_alone = False
 
     def add(self, record: Record) -> None:
-        """One more, where it can wait."""
+        """Add one more, where it can wait."""
         if len(self.records) >= WAITING:
             self.is_alone = True
             self.records.clear()

@@ -23,8 +23,9 @@ class Context:
     """wheelbase [m] of the machine that the samples are for.
 
     to_local: (n, 3) longitude, latitude [deg], height [m] -> (n, 3) east, north, up [m]; None: the plane at
-    the first position
-    links: by /tf_static; machine: its name in there
+        the first position
+    links: by /tf_static
+    machine: its name in there
     notes: what had to be assumed of messages, with how often; grows while they are read
     """
 
@@ -37,7 +38,7 @@ class Context:
     _below: dict[str, Pose | None] = field(default_factory=dict)
 
     def again(self) -> "Context":
-        """For another pass through the recording."""
+        """Begin another pass through the recording."""
         return replace(self, clocks=self.clocks.again(), _below={})
 
     def note(self, what: str) -> None:
@@ -64,7 +65,7 @@ class Context:
         return pose if below is None else pose @ below
 
     def below(self, message: Any) -> Pose | None:
-        """The machine's own frame, in that of its child whose motion a message tells; None where it is the
+        """The machine's own frame, in that of its child whose motion a message has; None where it is the
         same, or /tf_static does not know.
         """
         child = frame_of(message, own=True)

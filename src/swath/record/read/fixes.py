@@ -70,7 +70,7 @@ def field_plane(folder: Path) -> ToLocal:
 
 
 def _earth_centred(points: F64) -> F64:
-    """From Earth's centre [m], (n, 3)."""
+    """Places from Earth's centre [m], (n, 3)."""
     lon, lat = np.radians(points[:, 0]), np.radians(points[:, 1])
     squared = FLATTENING * (2.0 - FLATTENING)
     across = AXIS / np.sqrt(1.0 - squared * np.sin(lat) ** 2)
@@ -142,13 +142,18 @@ def poses_of_fixes(
     """
     local = (to_local or TangentPlane(*fixes.place[0]))(fixes.place)
     step = np.hypot(*np.diff(local[:, :2], axis=0).T)
-    way = np.concatenate([[0.0], np.cumsum(step)])
-    if not way[-1] > 0.0:
+    distance = np.concatenate([[0.0], np.cumsum(step)])
+    if not distance[-1] > 0.0:
         raise InputError("fixes", None, "expected a machine that moves, its heading is its course")
-    reach = min(0.5 * COURSE_M, 0.5 * way[-1])
+    reach = min(0.5 * COURSE_M, 0.5 * distance[-1])
     kept = np.concatenate([[True], step > 0.0])
     ends = [
-        np.stack([np.interp(np.clip(way + s, 0.0, way[-1]), way[kept], local[kept, k]) for k in range(2)])
+        np.stack(
+            [
+                np.interp(np.clip(distance + s, 0.0, distance[-1]), distance[kept], local[kept, k])
+                for k in range(2)
+            ]
+        )
         for s in (-reach, reach)
     ]
     ahead = ends[1] - ends[0]

@@ -101,7 +101,7 @@ def _to_root(links: Links, frame: str) -> tuple[Pose, str]:
 
 
 def frame_of(message: Any, *, own: bool = False) -> str:
-    """The frame of a message, own: that of the child whose motion it tells; '' where it does not say."""
+    """The frame of a message, own: that of the child whose motion it has; '' where it does not say."""
     source = message if own else getattr(message, "header", None)
     return str(getattr(source, "child_frame_id" if own else "frame_id", "")).lstrip("/")
 

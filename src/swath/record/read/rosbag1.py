@@ -2,7 +2,7 @@
 
 The layout is that of the bag format, version 2.0 (wiki.ros.org/Bags/Format/2.0): records of a header of
 name=value fields and data; messages and the definitions of their types lie in chunks. The index at the end
-tells the times of the chunks.
+gives the times of the chunks.
 """
 
 import struct

@@ -56,7 +56,8 @@ class CloudPoints:
     """The points of a cloud that are any. points [m], (n, 3), sensor frame; far: their range [m], (n,).
 
     late: when they were measured, after the stamp [s], (n,); intensity (n,), nan = not known
-    table: all columns, (n,); left_out: points at 0 or nan
+    table: all columns, (n,)
+    left_out: points at 0 or nan
     """
 
     points: F64
@@ -105,7 +106,9 @@ def point_times(table: NDArray[np.void], stamp: int, note: Callable[[str], None]
             if _is_sweep(late) and np.abs(late).max() <= STAMP_NEAR_S:
                 if (unit, is_relative) != usual:
                     begin = "after the stamp" if is_relative else "of the clock"
-                    note(f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be told")
+                    note(
+                        f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be reported"
+                    )
                 return late
     for name, unit in product([n for n in names if n not in (*POINT_TIMES, *"xyz", *BRIGHTNESS)], UNITS):
         late = _late(table[name], stamp, unit, False)

@@ -201,7 +201,7 @@ class LiveView(RunHook):
         self._is_ready = threading.Event()
         self._viewers: tuple[Viewer, ...] = ()
         self._lock = threading.Lock()
-        self._due, self._shown, self._told = 0, -1, 0  # what was told of: events and changes
+        self._due, self._shown, self._told = 0, -1, 0  # what was reported: events and changes
         self.frame_count, self.frame_s, self.largest = 0, 0.0, 0
         self._server = Server(self._talk, extra=("view", "the live page"), who="--view", page=self._html)
         self.address = self._server.address
@@ -222,7 +222,7 @@ class LiveView(RunHook):
         run.world.graph.before_tick.insert(0, self._before_tick)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
-        """Show the pages the end, and tell them how it ended."""
+        """Show the pages the end, and say how it ended."""
         if self._frames is not None and self._run is not None:
             last = self._frames.frame(self._run.world.graph.t)
             for viewer in self._viewers:

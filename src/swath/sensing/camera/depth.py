@@ -88,13 +88,13 @@ class DepthCamera(SceneCamera):
         return (product / np.where(is_known, disparity, np.nan)).astype(np.float32)
 
     def _is_seen_twice(self, seen: Sight, pose: Pose, t: int) -> NDArray[np.bool_]:
-        """Which pixels' points the second camera sees, (height, width)."""
+        """Whether the second camera sees the points of pixels, (height, width)."""
         other = pose.apply(np.array([self._p.base_m, 0.0, 0.0]))
         found = seen.hits.is_hit
         distance = np.nan_to_num(seen.hits.distance.astype(np.float64))
-        way = seen.origins + distance[..., None] * seen.directions - other
-        length = np.linalg.norm(way, axis=-1)
-        toward = np.where(found[..., None], way / np.maximum(length, 1e-6)[..., None], seen.directions)
+        ray = seen.origins + distance[..., None] * seen.directions - other
+        length = np.linalg.norm(ray, axis=-1)
+        toward = np.where(found[..., None], ray / np.maximum(length, 1e-6)[..., None], seen.directions)
         hits = self.caster.cast_image(
             other, toward, range_max=self.params.reach_m + self._p.base_m, solids=seen.things.solids, t=t
         )

@@ -34,7 +34,7 @@ class Pinhole:
 
     @property
     def coefficients(self) -> tuple[float, ...]:
-        """Of the lens, as OpenCV orders them."""
+        """Coefficients of the lens, as OpenCV orders them."""
         return self.lens.coefficients
 
     @staticmethod

@@ -69,9 +69,9 @@ class ErrorMap(LocatedMap):
         x, y = x - e.offset_x_m, y - e.offset_y_m
         if e.cell_m > 0.0:
             x, y = ((np.floor(a / e.cell_m) + 0.5) * e.cell_m for a in (x, y))
-        way = e.kernel_m * SMEAR
-        east = x[:, None] + way * cos(heading)
-        north = y[:, None] + way * sin(heading)
+        length = e.kernel_m * SMEAR
+        east = x[:, None] + length * cos(heading)
+        north = y[:, None] + length * sin(heading)
         grown = true_grain(self._setup.field, east.ravel(), north.ravel()).reshape(east.shape).mean(axis=1)
         left = sqrt(1.0 - e.correlation**2) * self._sd
         grain = self._mean + e.correlation * (grown - self._mean) + left * self.noise(x, y)

@@ -82,9 +82,9 @@ class LocatedMap(KeepsState, ABC):
         if isfinite(fix.course):
             self._heading = fix.course
         speed = odometry.speed if odometry is not None else fix.speed if isfinite(fix.speed) else 0.0
-        way = speed * (now - fix.t) / NS - self._p.antenna_x_m
+        travel = speed * (now - fix.t) / NS - self._p.antenna_x_m
         c, s, aside = cos(self._heading), sin(self._heading), -self._p.antenna_y_m
-        return fix.x + c * way - s * aside, fix.y + s * way + c * aside, self._heading
+        return fix.x + c * travel - s * aside, fix.y + s * travel + c * aside, self._heading
 
     def sample(self, t: int, x: float, y: float, heading: float) -> FieldMap:
         """The map ahead of a machine there."""
@@ -120,7 +120,7 @@ class LocatedMap(KeepsState, ABC):
 
 @lru_cache(maxsize=4)
 def _grain_mass(crop: str) -> float:
-    """Of a mean stem of a crop [kg]."""
+    """Grain of a mean stem of a crop [kg]."""
     yields = load_crop(crop).yields
     return 0.0 if yields is None else yields.grain_mass
 

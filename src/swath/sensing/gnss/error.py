@@ -82,7 +82,7 @@ class Params:
                 )
 
     def figures(self) -> Figures:
-        """Those of the receiver, with what was given here."""
+        """Figures of the receiver, with what was given here."""
         given: dict[str, Any] = {
             "noise": None if self.noise_cm is None else self.noise_cm * CM,
             "wander": None if self.wander_cm is None else self.wander_cm * CM,
@@ -95,8 +95,12 @@ class Params:
 
 
 class Reception(NamedTuple):
-    """What comes in. quality: by number; stretch: errors over those of the table; offset: of a wrong fix,
-    (3,) [m]; more: fields of Fix from `age` on.
+    """What comes in.
+
+    quality: by number
+    stretch: errors over those of the table
+    offset: of a wrong fix, (3,) [m]
+    more: fields of Fix from `age` on
     """
 
     quality: int

@@ -10,7 +10,8 @@ class Figures:
 
     noise: white noise, sd per sample [m]
     wander: sd of a first-order Gauss-Markov error [m]
-    wander_time: its correlation time [s]; vertical: the same of the height, over those of east and north
+    wander_time: its correlation time [s]
+    vertical: the same of the height, over those of east and north
     velocity: white, sd per sample of each axis [m/s]
     """
 
@@ -22,7 +23,7 @@ class Figures:
 
     @property
     def sd(self) -> float:
-        """Of east and of north, all together [m]."""
+        """Standard deviation of east and of north, all errors together [m]."""
         return hypot(self.noise, self.wander)
 
     def difference(self, lag: float) -> float:

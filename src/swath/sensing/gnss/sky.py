@@ -383,7 +383,7 @@ class SkyGnss(ErrorGnss):
         return (at - min(begun)) / NS if begun else 0.0
 
     def _look(self, at: int) -> None:
-        """Which satellites are heard now."""
+        """Satellites that are heard now."""
         sky = self._p.sky
         up = directions(self._latitude, self._longitude, sky.time_of_day_s + at / NS)
         high = up[:, 2] >= np.sin(sky.mask_deg * DEG)

@@ -29,7 +29,7 @@ class IdealGroundSpeed(KeepsState):
         return {"speed": GroundSpeed(0, 0.0, 0.0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """One sample at t + dt."""
+        """Give one sample at t + dt."""
         state: MachineState = inputs["state"]
         return {"speed": GroundSpeed(t + dt, state.speed, state.distance)}
 

@@ -131,7 +131,7 @@ class GroundRadar(KeepsState):
         return {"speed": GroundSpeed(0, 0.0, 0.0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """One sample at t + dt."""
+        """Give one sample at t + dt."""
         s, now = self._sheet, t + dt
         known = (*self._last, *inputs["state"])
         self._last = tuple(state for state in known if state.t >= now - 2 * WINDOW)[-8:] or known[-1:]

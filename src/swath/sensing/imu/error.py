@@ -205,7 +205,7 @@ class ErrorImu(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["ErrorImu"]) -> "Units":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Units(parts)
 
 
@@ -338,7 +338,7 @@ class Units(Compiled):
         return found
 
     def load(self, world: int, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         self._units[world].load(state)
 
     def _in_python(self, dt: int, states: Sequence[Any], engines: Any) -> None:

@@ -10,7 +10,7 @@ the side wall at the edge, through gaps. Sweeps are independent of each other.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -19,12 +19,14 @@ from swath.core.component import Outputs
 from swath.core.errors import InputError, some_of
 from swath.core.random import Stream
 from swath.core.registry import Checked, KnownError, Level
+from swath.core.together import InWorlds
 from swath.field.crop_sheet import copied_from, load_crop
 from swath.field.field import Field
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.rays.bodies import BodyCaster
 from swath.rays.spread import AXES, SpreadTable
+from swath.sensing.lidar.sweeps import Sweeps, beams_of
 from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, table_names, valid_range
@@ -67,10 +69,11 @@ class Params(OutdoorParams):
     echo: Literal["percentile", "nearest"] = "percentile"
 
 
-class TableLidar(ScanningLidar):
+class TableLidar(InWorlds, ScanningLidar):
     """A scanner whose beams go into crop as a table says. beam: keywords of `pack_canopy`."""
 
-    kept = (*ScanningLidar.kept, "_clamped", "_notes")
+    kept = ("ray_count", "_clamped", "_notes")
+    gains = False
     level: ClassVar[str]
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -100,12 +103,21 @@ class TableLidar(ScanningLidar):
         self._notes: list[str] = []
         self._clamped = 0
 
-    def reset(self, stream: Stream) -> Outputs:
-        """As every scanner; nothing noted yet."""
+    @classmethod
+    def together(cls, parts: Sequence[Any]) -> Sweeps:
+        """Make one object that steps these parts of many worlds together."""
+        return Sweeps(parts)
+
+    @property
+    def goes_with(self) -> tuple[bytes, ...]:
+        """The times and directions of its beams."""
+        return beams_of(self)
+
+    def begin(self, stream: Stream) -> None:
+        """Nothing noted yet."""
         self._notes, self._clamped = [], 0
-        outputs = super().reset(stream)
+        ScanningLidar.reset(self, stream)
         self.rays.reset(stream)
-        return outputs
 
     @property
     def notes(self) -> list[str]:

@@ -6,17 +6,15 @@ edge, the standing crop every 5 cm, cut by the header of the same level. It is f
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from swath.compiled import Compiled
 from swath.core.component import Outputs, State
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.rows import Room, row_of
-from swath.core.together import InWorlds, Samples
+from swath.core.together import Samples
 from swath.field.profile import refused
 from swath.field.site_setup import SiteSetup
 from swath.field.solids import solid_count
@@ -25,16 +23,16 @@ from swath.kernels import filled as made
 from swath.rays.bodies import pack_canopy
 from swath.rays.single.buffers import CLAMPED, MISPLACED
 from swath.sensing.lidar.empirical import CHECKED, Params, TableLidar
-from swath.sensing.sweep import ROOM
-from swath.signals import F64, MachineState, Scan, ScanTruth
+from swath.sensing.lidar.sweeps import Sweeps
+from swath.signals import F64
 
 AHEAD = 48.0  # ground is laid so much farther than beams reach, half of it for where the scanner sits [m]
 
 
-class ProfileLidar(InWorlds, TableLidar):
+class ProfileLidar(TableLidar):
     """Scans profiles with a moving scanner. swept: (1,) sweeps so far."""
 
-    level = "profile"
+    level, gains = "profile", True
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.swept = np.zeros(1, np.int64)
@@ -47,13 +45,8 @@ class ProfileLidar(InWorlds, TableLidar):
 
     @classmethod
     def together(cls, parts: Sequence["ProfileLidar"]) -> "Scanners":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Scanners(parts)
-
-    @property
-    def goes_with(self) -> tuple[bytes, ...]:
-        """The times and directions of its beams."""
-        return tuple(np.asarray(a).tobytes() for a in (self.scanner.beam_t, self.azimuth, self.elevation))
 
     @property
     def ray_count(self) -> int:
@@ -64,14 +57,14 @@ class ProfileLidar(InWorlds, TableLidar):
     def ray_count(self, value: int) -> None:
         self.swept[0] = value // max(len(self.azimuth), 1)
 
-    def begin(self, stream: Stream) -> Outputs:
-        """An empty scan. InputError where something stands in sight."""
+    def begin(self, stream: Stream) -> None:
+        """Nothing seen yet. InputError where something stands in sight."""
         if solid_count(self.setup.solids()):
             raise refused("thing in sight of its own scanner: obstacles, other machines, a body from a file")
-        return TableLidar.reset(self, stream)
+        super().begin(stream)
 
     def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
-        """Of the ground that beams meet here."""
+        """Rise of the ground that beams meet here."""
         return self.profile.rise(places, steps)
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
@@ -79,54 +72,35 @@ class ProfileLidar(InWorlds, TableLidar):
         raise refused("scan from a place of its own")
 
 
-class Scanners(Compiled):
-    """The scanners of many worlds."""
-
-    hears: ClassVar = {"state": MachineState}
+class Scanners(Sweeps):
+    """The scanners of many worlds, over profiles."""
 
     def __init__(self, parts: Sequence[ProfileLidar]) -> None:
-        n, first = len(parts), parts[0]
-        count, self._room = len(first.azimuth), len(first.rays.beams.distance)
-        echoes, places = Room((count, 1), self._room), Room((count, 3), self._room)
-        alike = {"beam_t": first.scanner.beam_t, "azimuth": first.azimuth, "elevation": first.elevation}
-        rooms = {"ranges": echoes, "intensity": echoes}
-        points = {"points": Room((count, 1, 3), self._room), "sensor_position": places}
-        scan, truth = row_of(Scan, n, rooms=rooms, alike=alike), row_of(ScanTruth, n, rooms=points)
-        super().__init__(n, {"scan": scan, "truth": truth})
-        self._parts = parts
-        self._arrays = {
-            name: row.roomy(name, self._room)
-            for row, names in ((scan, rooms), (truth, points))
-            for name in names
-        }
-        self._words = np.zeros((n, 3), np.uint64)
-        self._states, self._last = np.zeros((n, ROOM, 13)), np.zeros((n, 13))
-        self._counts, self._stations, self._looked_at = (np.zeros(n, np.int32) for _ in range(3))
+        super().__init__(parts, len(parts[0].rays.beams.distance))
+        n = self.worlds
+        self._stations, self._looked_at = (np.zeros(n, np.int32) for _ in range(2))
         self._reach = AHEAD + max(part.scanner.reach for part in parts)
-        self._laid_at = np.full((n, 2), np.nan)  # around where the ground was laid [m]
-        self._flags, self._swept = np.zeros((n, 1), np.int32), np.zeros(n, np.int64)
+        self._flags = np.zeros((n, 1), np.int32)
         self._swinging = [part for part in parts if part.scanner.noise.angle != 0.0]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Empty scans."""
-        self._last[:, 0], self._looked_at[:], self._stations[:] = -1.0, 1, 0
-        first = self._parts[0].rays
-        own = [self._arrays[name] for name in ("ranges", "intensity", "points", "sensor_position")]
-        for world, (part, stream) in enumerate(zip(self._parts, streams, strict=True)):
+        first = self.parts[0].rays
+        own = [self.arrays[name] for name in ("ranges", "intensity", "points", "sensor_position")]
+        for world, part in enumerate(self.parts):
             part.rays.lie_in(
                 *(array[world] for array in own),
-                words=self._words[world],
+                words=self.words[world],
                 flags=self._flags[world],
                 first=first,
             )
-            part.swept = self._swept[world : world + 1]
-            part.begin(stream)
+            part.swept = self.swept[world : world + 1]
+        found = super().reset(streams)
+        for part in self.parts:
             part.rays.aims_as(first)
         self._launches = None  # which know the bias of the instances
-        self._laid_at[:] = np.nan
-        for array in own:
-            array[:] = np.nan
-        return self.sent_at(0)
+        self._looked_at[:], self._stations[:], self.laid_at[:] = 1, 0, np.nan  # around where ground was laid
+        return found
 
     def launches(self) -> Sequence[Repeated]:
         """The states of the machines, then the sweeps."""
@@ -138,7 +112,7 @@ class Scanners(Compiled):
         packed: dict[Any, Any] = {}
         alike: dict[bytes, Any] = {}  # arrays that are the same in many worlds
         held: list[list[Any]] = [[] for _ in range(6)]
-        for world, part in enumerate(self._parts):
+        for world, part in enumerate(self.parts):
             about = id(part.table), *part.beam.values(), *_of_library(part)
             if about not in packed:
                 packed[about] = pack_canopy(part.table, part.setup.field, **part.beam)
@@ -149,7 +123,7 @@ class Scanners(Compiled):
                 apart=_of_all(alike, _padded(part.apart, len(part.rays.beams.score))),
                 lines=part.scanner.line_count,
                 reach=part.scanner.reach,
-                origins=self._arrays["sensor_position"][world].reshape(-1),
+                origins=self.arrays["sensor_position"][world].reshape(-1),
                 rotations=part.rays.rotations.reshape(-1),
             )
             rays = part.rays
@@ -159,16 +133,15 @@ class Scanners(Compiled):
         kinds = kernel.Sweep, Aiming, Profile, Canopy, Beams, Electronics
         sweeps, *more = (of_worlds(kind, own) for kind, own in zip(kinds, held, strict=True))
         self._held = held, sweeps, more
-        trail, asked = self.heard["state"], [shared(self.clock), shared(self.needs)]
-        heard = map(shared, (trail.head, trail.stamps, trail.memory["pose"], self._last))
-        between = [shared(self._states.reshape(self.worlds, -1)), shared(self._counts)]
-        sums = shared(self._words), shared(self._swept)
-        ground = shared(self._laid_at), 0.5 * AHEAD, int(bool(self._swinging))
-        seen = shared(self._stations), shared(self._looked_at)
-        taken = [*asked, *heard, *between, *sums, *ground]
+        asked, between = (self.clock, self.needs), (self.states.reshape(self.worlds, -1), self.counts)
+        before, after = (
+            [*map(shared, asked), sweeps, *map(shared, between)],
+            (self._stations, self._looked_at),
+        )
+        scanned = [*before, *more, *map(shared, after)]
         return [
-            repeatable(kernel.take_states, taken, threads=self.worlds),
-            repeatable(kernel.scan_profiles, [*asked, sweeps, *between, *more, *seen], threads=self.worlds),
+            self.taking(0.5 * AHEAD, is_asked=bool(self._swinging)),
+            repeatable(kernel.scan_profiles, scanned, threads=self.worlds),
         ]
 
     def supply(self, stage: int) -> None:
@@ -181,38 +154,36 @@ class Scanners(Compiled):
             return
         scan, truth = self.sent["scan"].arrays, self.sent["truth"].arrays
         for world in np.flatnonzero(self._looked_at).tolist():
-            scanner, ranges = self._parts[world].scanner, scan["ranges"][world]
+            scanner, ranges = self.parts[world].scanner, scan["ranges"][world]
             if (lost := scanner.seen(end, ranges)) is not None:
                 for array in (ranges, scan["intensity"][world], truth["points"][world]):
                     array[lost] = np.nan
             self._looked_at[world] = scanner.looks
         for world in np.flatnonzero(self._flags[:, 0]).tolist():
-            found = self._parts[world].rays.beams.take_flags()
+            found = self.parts[world].rays.beams.take_flags()
             if found & MISPLACED:
                 self.errors[world] = InputError("origin", None, "expected a scanner above the ground")
-            self._parts[world].note(found >> CLAMPED)
+            self.parts[world].note(found >> CLAMPED)
 
     def save(self, world: int) -> State:
         """Where a scanner was last, and what it noted."""
-        last, station = self._last[world].copy(), int(self._stations[world])
-        return {**TableLidar.save(self._parts[world]), "last": last, "station": station}
+        return {**super().save(world), "station": int(self._stations[world])}
 
     def load(self, world: int, state: State) -> None:
-        """Back to it."""
-        TableLidar.load(self._parts[world], state)
+        """Take on a state that `save` gave."""
+        super().load(world, state)
         self._stations[world], self._looked_at[:] = state["station"], 1
-        self._last[world] = state["last"]
 
     def _lay(self) -> None:
         """The ground in reach of the scanners that have left what was laid, from states of the machines."""
-        for world, count in enumerate(self._counts.tolist()):
-            x, y = self._states[world, :count, 1:3].T
-            gone = np.hypot(x - self._laid_at[world, 0], y - self._laid_at[world, 1])
+        for world, count in enumerate(self.counts.tolist()):
+            x, y = self.states[world, :count, 1:3].T
+            gone = np.hypot(x - self.laid_at[world, 0], y - self.laid_at[world, 1])
             if (gone < 0.5 * AHEAD).all():
                 continue
             for place in ((x[0], y[0]), (x[-1], y[-1])):
-                self._parts[world].profile.lay_around(*place, self._reach)
-            self._laid_at[world] = x[-1], y[-1]
+                self.parts[world].profile.lay_around(*place, self._reach)
+            self.laid_at[world] = x[-1], y[-1]
 
 
 def _of_library(part: ProfileLidar) -> tuple[float, float]:

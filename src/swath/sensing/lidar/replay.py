@@ -213,7 +213,7 @@ class ReplayLidar(ScanningLidar):
         return found
 
     def load(self, state: State) -> None:
-        """Back to a saved moment."""
+        """Take on a state that `save` gave."""
         super().load(state)
         self.watch.forget()
 

@@ -74,7 +74,7 @@ class ErrorOdometry(InWorlds):
 
     @classmethod
     def together(cls, parts: Sequence["ErrorOdometry"]) -> "Odometers":
-        """All of them."""
+        """Make one object that steps these parts of many worlds together."""
         return Odometers(parts)
 
 
@@ -107,8 +107,8 @@ class Odometers(KeepsRows, Compiled):
             error = 1 + p.speed_scale_percent * PERCENT * draw[0]
             biases = p.gyro_bias_deg_s * DEG * draw[1], p.steer_bias_deg * DEG * draw[2]
             self.constant[world] = error, error * (1 + p.slip_percent * PERCENT), *biases
-        told = self.sent["odometry"].arrays
-        told["speed"][:], told["yaw_rate"][:], told["steer_angle"][:] = 0.0, *self.constant[:, 2:].T
+        arrays = self.sent["odometry"].arrays
+        arrays["speed"][:], arrays["yaw_rate"][:], arrays["steer_angle"][:] = 0.0, *self.constant[:, 2:].T
         return self.sent_at(0)
 
     def launches(self) -> Sequence[Repeated]:

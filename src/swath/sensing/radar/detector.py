@@ -1,8 +1,8 @@
 """From powers in a grid of distances, speeds and azimuths to detections: window, CFAR, peaks.
 
 Bins lie half a resolution cell apart. The window is Hann's, so wide that two equal echoes one cell apart are
-just told apart. Constant false alarm rate: Richards 2014, Fundamentals of Radar Signal Processing, chapter 6;
-ordered statistics: Rohling 1983, doi:10.1109/TAES.1983.309350.
+just distinguished. Constant false alarm rate: Richards 2014, Fundamentals of Radar Signal Processing, chapter
+6; ordered statistics: Rohling 1983, doi:10.1109/TAES.1983.309350.
 """
 
 from dataclasses import dataclass
@@ -103,7 +103,7 @@ class Grid:
 
     @property
     def count(self) -> int:
-        """Of bins."""
+        """Number of bins."""
         return len(self.ranges) * len(self.azimuths) * len(self.speeds)
 
 

@@ -187,14 +187,14 @@ class ErrorRadar(IdealRadar):
 
     def echo(self, seen: Target, all_seen: list[Target]) -> Echo:
         """Mean power of a thing over noise: its parts by height, each through its own crop."""
-        eye, way = self._eye, seen.place - self._eye
+        eye, ray = self._eye, seen.place - self._eye
         ends = np.repeat(seen.place[None], PARTS, axis=0)
         middle = float(seen.body.pose.apply(seen.body.middle)[2])
         ends[:, 2] = middle + float(seen.body.half[2]) * (2.0 * np.arange(PARTS) + 1.0 - PARTS) / PARTS
         ground = float(self.setup.field.ground_height(*seen.place[:2].tolist()))
         ends = ends[ends[:, 2] > ground]
         depth = np.zeros(len(ends)) if self.stand is None else self.stand.depth(eye, ends)
-        far = hypot(*way[:2].tolist())
+        far = hypot(*ray[:2].tolist())
         total = 0.0
         for end, through in zip(ends, depth.tolist(), strict=True):
             if any(hides(other, seen, eye, end) for other in all_seen):
@@ -218,26 +218,26 @@ class ErrorRadar(IdealRadar):
         whole = self.echo(seen, all_seen)
         if not self._is_noisy or whole.snr == 0.0:
             return [whole]
-        way = self._scatterers.of(seen.body, self._eye) - self._eye
-        level = np.hypot(way[:, 0], way[:, 1])
+        rays = self._scatterers.of(seen.body, self._eye) - self._eye
+        level = np.hypot(rays[:, 0], rays[:, 1])
         x, y, _ = (seen.place - self._eye).tolist()
         distance = np.hypot(level, float(seen.place[2] - self._eye[2]))
-        azimuth = seen.azimuth + arctan2(x * way[:, 1] - y * way[:, 0], x * way[:, 0] + y * way[:, 1])
-        radial = product(way, seen.body.velocity - self._velocity) / np.hypot(level, way[:, 2])
+        azimuth = seen.azimuth + arctan2(x * rays[:, 1] - y * rays[:, 0], x * rays[:, 0] + y * rays[:, 1])
+        radial = product(rays, seen.body.velocity - self._velocity) / np.hypot(level, rays[:, 2])
         s = self.sheet
         bins = np.floor(np.stack([2.0 * distance / s.range_resolution, 2.0 * azimuth / s.azimuth_resolution]))
         inside = (np.abs(azimuth) <= 0.5 * s.azimuth_fov) & (distance <= s.range_max)
         found = []
         for place in np.unique(bins[:, inside], axis=1).T:
             here = inside & (bins == place[:, None]).all(axis=0)
-            share = float(np.count_nonzero(here)) / len(way)
+            share = float(np.count_nonzero(here)) / len(rays)
             far, aside, rate = (float(v[here].mean()) for v in (distance, azimuth, radial))
             deep, wide = (float(v[here].std()) for v in (distance, azimuth))
             found.append(Echo(far, aside, whole.elevation, rate, share * whole.snr, deep, wide))
         return found
 
     def rows(self, echoes: list[Echo], draw: np.random.Generator) -> list[list[float]]:
-        """Of the sample, those of echoes above the threshold."""
+        """Rows of the sample: echoes above the threshold."""
         if not self._is_noisy:
             return [self.row(e, e.snr, 1.0, [0.0] * 6) for e in echoes if e.snr > self.threshold]
         snr = np.array([e.snr for e in echoes])

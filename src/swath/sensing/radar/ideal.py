@@ -53,7 +53,9 @@ class Params:
 class Target:
     """A thing in the field of view. distance [m], azimuth, elevation [rad] in the sensor's frame.
 
-    radial_speed: > 0 goes away [m/s]; rcs [dBsm]; place: the nearest point, world (3,); body: whose it is
+    radial_speed: > 0 goes away [m/s]; rcs [dBsm]
+    place: the nearest point, world (3,)
+    body: whose it is
     """
 
     distance: float
@@ -128,15 +130,15 @@ class IdealRadar(KeepsState):
         if enters is None:
             return None
         place = body.pose.apply(own + enters * (aim - own) + body.middle)
-        way = place - eye
-        x, y, z = product(rotation.T, way).tolist()
+        ray = place - eye
+        x, y, z = product(rotation.T, ray).tolist()
         distance = hypot(x, y, z)
         if not self.sheet.range_min <= distance <= self.sheet.range_max:
             return None
         azimuth, elevation = atan2(y, x), asin(min(max(z / distance, -1.0), 1.0))
         if abs(azimuth) > 0.5 * self.sheet.azimuth_fov or abs(elevation) > 0.5 * self.sheet.elevation_fov:
             return None
-        radial = float(product(body.velocity - velocity, way)) / distance
+        radial = float(product(body.velocity - velocity, ray)) / distance
         rcs = cross_section(body, eye, self.sheet.frequency, self.sheet.wavelength)
         return Target(distance, azimuth, elevation, radial, rcs, place, body)
 

@@ -77,7 +77,7 @@ class RadarSheet:
         return float(self.gains(azimuth, elevation))
 
     def gains(self, azimuth: Any, elevation: Any) -> Any:
-        """As `gain`, of arrays of angles."""
+        """Gains as of `gain` for arrays of angles."""
         a, e = azimuth / self.azimuth_beam_width, elevation / self.elevation_beam_width
         return -12.0412 * (a * a + e * e)  # 40 lg 2: -3.01 at half the width
 

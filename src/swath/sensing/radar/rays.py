@@ -45,7 +45,8 @@ class Echoes:
     """Echoes by azimuth and distance, (n, m) each.
 
     area: radar cross section [m2] per azimuth [rad] and distance [m]
-    way: from the sensor to the ground, unit (n, m, 3); azimuth, elevation: of it in the sensor's frame [rad]
+    way: from the sensor to the ground, unit (n, m, 3)
+    azimuth, elevation: of it in the sensor's frame [rad]
     """
 
     area: F64
@@ -57,7 +58,8 @@ class Echoes:
 class Clutter:
     """Of a field. stand: None = no crop for the radar; wave: extinction of the wave over the geometric one.
 
-    crop: g; ground: gamma; both linear
+    crop: g
+    ground: gamma; both linear
     """
 
     def __init__(
@@ -249,9 +251,9 @@ class RaysRadar(ErrorRadar):
     def _of_side(
         self, side: Facing, eye: F64, rotation: F64, velocity: F64
     ) -> list[tuple[float, float, float, float]]:
-        way = side.points - eye
-        own = product(way, rotation)
-        distance = np.sqrt((way * way).sum(axis=1))
+        rays = side.points - eye
+        own = product(rays, rotation)
+        distance = np.sqrt((rays * rays).sum(axis=1))
         azimuth = arctan2(own[:, 1], own[:, 0])
         elevation = arcsin(np.clip(own[:, 2] / distance, -1.0, 1.0))
         s = self.sheet
@@ -261,7 +263,7 @@ class RaysRadar(ErrorRadar):
             return []
         rcs = cross_section(side.body, eye, s.frequency, s.wavelength)
         bins = np.floor(np.stack([2.0 * distance / s.range_resolution, 2.0 * azimuth / s.azimuth_resolution]))
-        radial = product(way, side.body.velocity - velocity) / distance
+        radial = product(rays, side.body.velocity - velocity) / distance
         rows = []
         for place in np.unique(bins[:, seen], axis=1).T:
             here = seen & (bins == place[:, None]).all(axis=0)

@@ -31,9 +31,9 @@ class Facing:
 def facing(bodies: list[Body], eye: F64, reach: float) -> list[Facing]:
     """The sides that bodies within reach [m] turn to an eye (3,), without what other bodies hide."""
     near = [(b, *_sphere(b, eye)) for b in bodies]
-    near = [(b, way, far, wide) for b, way, far, wide in near if wide < far <= reach + wide]
+    near = [(b, ray, far, wide) for b, ray, far, wide in near if wide < far <= reach + wide]
     found = []
-    for body, way, far, wide in near:
+    for body, ray, far, wide in near:
         directions = aimed(body, eye)
         own = distances(body.solids, eye, directions)
         meets = np.isfinite(own)
@@ -43,7 +43,7 @@ def facing(bodies: list[Body], eye: F64, reach: float) -> list[Facing]:
         free = np.ones(len(own), dtype=bool)
         for other, its_way, its_far, its_wide in near:
             if other is not body and its_far - its_wide < far + wide:
-                apart = hypot(*(way / far - its_way / its_far).tolist())
+                apart = hypot(*(ray / far - its_way / its_far).tolist())
                 if apart < 1.2 * (wide / far + its_wide / its_far):
                     free &= distances(other.solids, eye, directions) >= own
         found.append(Facing(body, eye + own[free, None] * directions[free], 1.0 / len(own)))
@@ -70,8 +70,8 @@ def distances(solids: Solids, eye: F64, directions: F64) -> F64:
 
 def _sphere(body: Body, eye: F64) -> tuple[F64, float, float]:
     """Way to a body's middle (3,), its length and the radius around the body [m]."""
-    way = body.pose.apply(body.middle) - eye
-    return way, hypot(*way.tolist()), hypot(*body.half.tolist())
+    ray = body.pose.apply(body.middle) - eye
+    return ray, hypot(*ray.tolist()), hypot(*body.half.tolist())
 
 
 def aimed(body: Body, eye: F64, across: tuple[int, int] = COLUMNS, high_up: tuple[int, int] = ROWS) -> F64:
@@ -87,8 +87,8 @@ def aimed(body: Body, eye: F64, across: tuple[int, int] = COLUMNS, high_up: tupl
     side = (2.0 * np.arange(columns) + 1.0 - columns) / columns * wide
     up = (2.0 * np.arange(rows) + 1.0 - rows) / rows * high
     at = middle + side[:, None, None] * aside + up[None, :, None] * np.array([0.0, 0.0, 1.0])
-    way = at.reshape(-1, 3) - eye
-    return np.asarray(way / np.sqrt((way * way).sum(axis=1))[:, None])
+    rays = at.reshape(-1, 3) - eye
+    return np.asarray(rays / np.sqrt((rays * rays).sum(axis=1))[:, None])
 
 
 def _in_frame(centre: F64, axes: F64, eye: F64, directions: F64) -> tuple[F64, F64]:

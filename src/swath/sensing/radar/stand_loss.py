@@ -56,13 +56,13 @@ class StandLoss:
         """Integral of the geometric extinction from a point (3,) to points (n, 3) that lie in one upright
         plane with it at one distance [m]: (n,). Stubble and straw on the ground take nothing.
         """
-        way = ends[0, :2] - eye[:2]
-        far = hypot(*way.tolist())
+        ray = ends[0, :2] - eye[:2]
+        far = hypot(*ray.tolist())
         if far < STEP:
             return np.zeros(len(ends))
         count = int(far / STEP) + 1
         share = (np.arange(count) + 0.5) / count
-        x, y = eye[0] + way[0] * share, eye[1] + way[1] * share
+        x, y = eye[0] + ray[0] * share, eye[1] + ray[1] * share
         stands = self._field.standing(x, y)
         if not stands.any():
             return np.zeros(len(ends))
@@ -72,7 +72,7 @@ class StandLoss:
         k = density * np.interp(above / scale, self.heights, self.profile, right=0.0)
         rise = ends[:, 2] - eye[2]
         length = np.sqrt(far**2 + rise**2)
-        ux, uy = (a / length[:, None] for a in self._field.to_stand(*(way[:, None])))
+        ux, uy = (a / length[:, None] for a in self._field.to_stand(*(ray[:, None])))
         uz = (rise / length)[:, None]
         along = (lean_x * ux + lean_y * uy + scale * uz) / scale
         stem = (lean_x**2 + lean_y**2 + scale**2) / scale**2  # length of a stem per height, squared

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets
+from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets, option
 
 
 def add(parsers: Any) -> None:
@@ -13,15 +13,15 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "branch", help="go back in a run, change something, continue from there", description=_DESCRIPTION
     )
-    parser.add_argument("folder", metavar="RUN", type=Path, help="a run folder")
-    parser.add_argument("--at-s", type=float, required=True, metavar="S", help="time of the change")
+    option(parser, "folder RUN", "a run folder", type=Path)
+    option(parser, "--at-s S", "time of the change", type=float, required=True)
     add_sets(parser, "what changes from then on, e.g. combine.speed.speed_kmh=5; may be given several times")
     add_run_folder(parser)
     add_replace(parser)
     add_allow(parser)
-    parser.add_argument("--save-every-s", type=float, metavar="S", help="as in swath run")
-    parser.add_argument("--no-replay", action="store_true", help="do not write replay.html")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
+    option(parser, "--save-every-s S", "as in swath run", type=float)
+    option(parser, "--no-replay", "do not write replay.html")
+    option(parser, "--quiet", "print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
 

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
 from swath.tools.calibrate.engine_command import add_engine
 
 
@@ -12,49 +13,24 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("calibrate", help="fit a LiDAR table or a machine's engine to measurements")
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
     lidar = kinds.add_parser("lidar", help="the table of the LiDAR level empirical", description=_DESCRIPTION)
-    lidar.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.npz", help="table to write, with a .yaml beside it"
-    )
-    lidar.add_argument(
-        "--from",
+    option(lidar, "--out FILE.npz", "table to write, with a .yaml beside it", type=Path, required=True)
+    option(
+        lidar,
+        "--from SOURCE",
+        "plants (default), or a CSV of measured beams over known stands",
+        "plants",
         dest="source",
-        default="plants",
-        metavar="SOURCE",
-        help="plants (default), or a CSV of measured beams over known stands",
     )
-    lidar.add_argument("--crop", default="wheat", help="crop (default wheat)")
-    lidar.add_argument(
-        "--echo",
-        choices=("percentile", "nearest"),
-        default="percentile",
-        help="echo rule (default percentile)",
-    )
-    lidar.add_argument(
-        "--percentile",
-        type=float,
-        default=50.0,
-        metavar="P",
-        help="of the ranges in a spot, for --echo percentile (default 50)",
-    )
-    lidar.add_argument("--sub-rays", type=int, default=37, metavar="N", help="sub-rays per beam (default 37)")
-    lidar.add_argument(
-        "--profile",
-        choices=("gaussian", "uniform"),
-        default="gaussian",
-        help="intensity over the spot (default gaussian)",
-    )
-    lidar.add_argument(
-        "--sensor",
-        default="sick-lms111",
-        metavar="NAME",
-        help="scanner whose receiver decides which echoes are too weak (default sick-lms111)",
-    )
-    lidar.add_argument("--lines", type=int, metavar="N", help="scan lines of 24 beams per place (default 80)")
-    lidar.add_argument(
-        "--narrow", action="store_true", help="only spots up to 90 mm and usual stands: a smaller table"
-    )
-    lidar.add_argument("--quick", action="store_true", help="a coarse design, for a first try")
-    lidar.add_argument("--seed", type=int, default=1, metavar="N", help="seed (default 1)")
+    option(lidar, "--crop", "crop", "wheat")
+    option(lidar, "--echo", "echo rule", ("percentile", "nearest"))
+    option(lidar, "--percentile P", "of the ranges in a spot, for --echo percentile", 50.0)
+    option(lidar, "--sub-rays N", "sub-rays per beam", 37)
+    option(lidar, "--profile", "intensity over the spot", ("gaussian", "uniform"))
+    option(lidar, "--sensor NAME", "scanner whose receiver decides which echoes are too weak", "sick-lms111")
+    option(lidar, "--lines N", "scan lines of 24 beams per place (default 80)", type=int)
+    option(lidar, "--narrow", "only spots up to 90 mm and usual stands: a smaller table")
+    option(lidar, "--quick", "a coarse design, for a first try")
+    option(lidar, "--seed N", "seed", 1)
     lidar.set_defaults(run=run)
     add_engine(kinds)
 

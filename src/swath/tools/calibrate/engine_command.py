@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swath.core.whole_file import write_whole
+from swath.terminal.options import option
 
 if TYPE_CHECKING:
     from swath.tools.calibrate.engine_fit import Prediction
@@ -18,24 +19,19 @@ over machines and stretches of 5 minutes."""
 def add_engine(kinds: Any) -> None:
     """Add `calibrate engine`."""
     parser = kinds.add_parser("engine", help="engine, fuel and powers of a machine", description=_DESCRIPTION)
-    parser.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
-    parser.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
-    parser.add_argument(
-        "--fit",
-        action="append",
-        default=[],
-        metavar="KEY",
-        help="key of the data sheet to fit (default: rated power, idle fuel, auxiliary power, drum work)",
+    option(parser, "model MODEL", "machine: bundled name or data sheet")
+    option(parser, "log LOG", "CSV, zipped point shapefile, or ISOXML", type=Path)
+    option(
+        parser,
+        "--fit KEY",
+        "key of the data sheet to fit (default: rated power, idle fuel, auxiliary power, drum work)",
+        [],
     )
-    parser.add_argument(
-        "--straw", type=float, default=0.65, metavar="R", help="straw per grain (default 0.65)"
-    )
-    parser.add_argument(
-        "--resamples", type=int, default=1000, metavar="N", help="bootstrap resamples (default 1000)"
-    )
-    parser.add_argument("--seed", type=int, default=1, help="seed of the bootstrap")
-    parser.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
-    parser.add_argument("--out", type=Path, metavar="SHEET.yaml", help="write the data sheet as fitted")
+    option(parser, "--straw R", "straw per grain", 0.65)
+    option(parser, "--resamples N", "bootstrap resamples", 1000)
+    option(parser, "--seed", "seed of the bootstrap", 1)
+    option(parser, "--columns MAP.yaml", "which column of the log is what", type=Path)
+    option(parser, "--out SHEET.yaml", "write the data sheet as fitted", type=Path)
     parser.set_defaults(run=run_engine_fit)
 
 

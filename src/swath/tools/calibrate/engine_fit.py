@@ -6,7 +6,7 @@ regressions, doi:10.1080/01621459.1962.10480664). What the model says is close t
 data sheet, so that every other fit needed (one machine left out, resampled records) is solved from the normal
 equations at the solution, summed by stretches of the log.
 
-Load and fuel alone do not tell an engine's power from its efficiency. The slope of the fuel line
+Load and fuel alone do not separate an engine's power from its efficiency. The slope of the fuel line
 (`engine.fuel_g_kwh`; Willans: fuel is linear in the work, SAE Technical Paper 690182) is therefore given by
 the data sheet, and the rated power follows from the fuel.
 """

@@ -42,7 +42,7 @@ VIEWS = (
     55.0,
     75.0,
 )  # depressions at which silhouettes are taken [deg]
-DEPTHS = (0.4, 3.5)  # -log(share of thin rays that reach the ground) of stands that tell them, about
+DEPTHS = (0.4, 3.5)  # -log(share of thin rays that reach the ground) of stands that show them, about
 PLANTS = 500  # that show how far plants reach aside
 SPOT_AT = 0.9  # share of the crop's height where the spot is taken, as in rays/kernel/bodies.py
 
@@ -63,8 +63,10 @@ class Place:
 class Returns:
     """Beams of one place, in scan lines of equal length (line_count, beams).
 
-    height: measured along the middle of the beam, above the ground [m]; is_ground: the echo came from it
-    gap: to the beam before [m]; albedo: reflectance * |cos| that came back, of all sub-rays
+    height: measured along the middle of the beam, above the ground [m]
+    is_ground: the echo came from it
+    gap: to the beam before [m]
+    albedo: reflectance * |cos| that came back, of all sub-rays
     """
 
     height: F64
@@ -77,9 +79,9 @@ class Returns:
 class EchoSettings:
     """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`.
 
-    sensor: whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of
-    a spot comes back too far from the rest and too weakly to be detected there is lost; sees_weakest: nothing
-    is lost.
+    sensor: whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of a
+        spot comes back too far from the rest and too weakly to be detected there is lost
+    sees_weakest: nothing is lost.
     """
 
     sub_rays: int = 37
@@ -95,13 +97,13 @@ class EchoSettings:
         return load_lidar(self.sensor)
 
     def receiver(self) -> Receiver:
-        """As the level `plants` has it with this scanner."""
+        """Receiver that the level `plants` has with this scanner."""
         weakest = 0.0 if self.sees_weakest else least_energy(self.sheet.range_10)
         gap = merging_gap(self.sheet.pulse)
         return Receiver(rule=self.rule, percentile=self.percentile, gap=gap, least_energy=weakest)
 
     def distance(self, spot: float) -> float:
-        """From where a spot is this wide [m]."""
+        """Distance from which a spot is this wide [m]."""
         beam = self.sheet.beam
         return (spot - float(np.mean(beam.exit_diameter))) / float(np.mean(beam.divergence))
 
@@ -212,7 +214,7 @@ class SampleStands:
     def _area_above(
         self, density: float, degrees: float, edges: F64, rays: int, stream: Stream
     ) -> tuple[F64, NDArray[np.bool_]]:
-        """What a plant stops above relative heights [m2], and where enough rays tell."""
+        """What a plant stops above relative heights [m2], and where enough rays show it."""
         full = self.crop.stand.height
         place = Place(density, full, degrees * DEG, 1e-4)
         seen = self.scan(place, rays // LINE, EchoSettings(sub_rays=1, sees_weakest=True), stream)

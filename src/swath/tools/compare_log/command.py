@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder
+from swath.terminal.options import add_folder, option
 from swath.tools.compare_scans import command as scans
 
 FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "series.parquet")
@@ -13,7 +13,7 @@ _DESCRIPTION = (
     "Runs a machine's process and powertrain along a recorded log (its speed, its crop, its slope) and "
     "compares engine load, engine speed and fuel, as far as the log has them. Keys of the data sheet can be "
     "fitted on one part of the log; the others then test it. A plain regression is shown for comparison. "
-    "A log with a steering angle and without the engine tells the steering and the motion instead: dead "
+    "A log with a steering angle and without the engine is used for steering and motion instead: dead "
     "time, lag, rate, understeer and relaxation are fitted, with intervals."
 )
 
@@ -23,58 +23,41 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("compare", help="compare with what was measured")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
-    log.add_argument("model", metavar="MODEL", help="machine: bundled name or data sheet")
-    log.add_argument("log", type=Path, metavar="LOG", help="CSV, zipped point shapefile, or ISOXML")
-    told = "write picture, report, JSON, sheet and series"
-    add_folder(log, "comparison", *FILES, text=told, required=False)
-    log.add_argument("--fit", action="append", default=[], metavar="KEY", help="key of the data sheet to fit")
-    log.add_argument(
-        "--on",
-        action="append",
-        default=[],
-        metavar="QUANTITY",
-        help="quantity to fit to (default engine_load; for a steering angle yaw_rate or place)",
+    option(log, "model MODEL", "machine: bundled name or data sheet")
+    option(log, "log LOG", "CSV, zipped point shapefile, or ISOXML", type=Path)
+    help_ = "write picture, report, JSON, sheet and series"
+    add_folder(log, "comparison", *FILES, text=help_, required=False)
+    option(log, "--fit KEY", "key of the data sheet to fit", [])
+    option(
+        log,
+        "--on QUANTITY",
+        "quantity to fit to (default engine_load; for a steering angle yaw_rate or place)",
+        [],
     )
-    log.add_argument("--machine", metavar="NAME", help="fit on this machine of the log, test on the others")
-    log.add_argument(
-        "--share",
+    option(log, "--machine NAME", "fit on this machine of the log, test on the others")
+    option(log, "--share SHARE", "fit on this first share of the log, test on the rest", 0.5)
+    option(log, "--alternate", "fit on every other stretch between pauses, test on the others")
+    option(log, "--process LEVEL", "level of the process", "threshing")
+    option(log, "--engine LEVEL", "level of the powertrain", "ideal")
+    option(log, "--straw R", "straw per grain", 0.65)
+    option(log, "--whole-crop", "the logged flow is grain and straw together")
+    option(log, "--flow-floor F", "flow that is logged without crop [kg/s]", 0.0)
+    option(
+        log,
+        "--load-over",
+        "what 100 %% of logged load is: torque at the present speed, or the largest torque",
+        ("present", "largest"),
+    )
+    option(log, "--friction P", "logged load at zero torque [%%]", 0.0)
+    option(
+        log,
+        "--antenna",
+        "GNSS antenna, ahead of the fixed axle and left of it [m] (default 0 0)",
         type=float,
-        default=0.5,
-        metavar="SHARE",
-        help="fit on this first share of the log, test on the rest (default 0.5)",
+        nargs=2,
+        metavar=("X", "Y"),
     )
-    log.add_argument(
-        "--alternate",
-        action="store_true",
-        help="fit on every other stretch between pauses, test on the others",
-    )
-    log.add_argument(
-        "--process", default="threshing", metavar="LEVEL", help="level of the process (default threshing)"
-    )
-    log.add_argument(
-        "--engine", default="ideal", metavar="LEVEL", help="level of the powertrain (default ideal)"
-    )
-    log.add_argument("--straw", type=float, default=0.65, metavar="R", help="straw per grain (default 0.65)")
-    log.add_argument("--whole-crop", action="store_true", help="the logged flow is grain and straw together")
-    log.add_argument(
-        "--flow-floor",
-        type=float,
-        default=0.0,
-        metavar="F",
-        help="flow that is logged without crop [kg/s] (default 0)",
-    )
-    log.add_argument(
-        "--load-over", choices=("present", "largest"), default="present",
-        help="what 100 %% of logged load is: torque at the present speed, or the largest torque",
-    )  # fmt: skip
-    log.add_argument(
-        "--friction", type=float, default=0.0, metavar="P", help="logged load at zero torque [%%] (default 0)"
-    )
-    log.add_argument(
-        "--antenna", type=float, nargs=2, metavar=("X", "Y"),
-        help="GNSS antenna, ahead of the fixed axle and left of it [m] (default 0 0)",
-    )  # fmt: skip
-    log.add_argument("--columns", type=Path, metavar="MAP.yaml", help="which column of the log is what")
+    option(log, "--columns MAP.yaml", "which column of the log is what", type=Path)
     log.set_defaults(run=run_log)
     scans.add(verbs)
 

@@ -39,7 +39,7 @@ def write_compared(
 ) -> None:
     """Write report.html."""
     picture = Figure("Picture", as_image(fig), "Measured and simulated series")
-    sections = [*tables, picture, Section("Notes", [Items(notes)] if notes else [])]
+    sections = [*tables, picture, Section("Notes", [Items(notes)])]
     write_page(out / "report.html", sections, heading=model, lead=lead, title=f"{model}, compare log")
 
 

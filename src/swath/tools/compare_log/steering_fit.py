@@ -17,7 +17,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -184,7 +184,8 @@ OFFSET = "angle offset"  # of the logged angle, in deg: what the sensor shows dr
 class Free:
     """A number that may be fitted: limits and step for its derivative in the unit of the sheet.
 
-    keys: of the sheet that go in proportion with it, itself first; default: where the sheet has none
+    keys: of the sheet that go in proportion with it, itself first
+    default: where the sheet has none
     """
 
     low: float
@@ -218,8 +219,10 @@ USUAL = {
 
 @dataclass(frozen=True)
 class FittedWith:
-    """A fitted number. low, high: of its 95 % interval; is_seen: False where the log does not show it, the
-    value is then the start and the interval without limits.
+    """A fitted number.
+
+    low, high: of its 95 % interval
+    is_seen: False where the log does not show it, the value is then the start and the interval without limits
     """
 
     key: str
@@ -425,17 +428,15 @@ def _rms(values: Array) -> float:
 
 
 def _scipy() -> tuple[Any, Any]:
-    try:
+    with Extra("geo", "fitting a model"):
         from scipy.optimize import least_squares
         from scipy.stats import t
-    except ImportError as error:
-        raise MissingExtra("geo", "fitting a model") from error
     return least_squares, t
 
 
 @dataclass(frozen=True)
 class SteeringComparison:
-    """The result. parts: steering, motion, as far as the log tells them; sheet: with the fitted numbers."""
+    """The result. parts: steering, motion, as far as the log shows them; sheet: with the fitted numbers."""
 
     model: str
     log_name: str

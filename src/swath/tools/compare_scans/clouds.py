@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.read_file import check_readable
 from swath.field.projection import transform
 from swath.rays.height_grid import NODE_CELLS, lattice_height
@@ -37,8 +37,11 @@ METRE = re.compile(r"^(metre|meter|metres|meters|m)$", re.IGNORECASE)
 class Cloud:
     """points: in the world (n, 3) [m]; height: above the ground (n,) [m]; intensity (n,), nan = unknown.
 
-    track: of the machine, None = it has none; white: intensity of a white target, nan = unknown
-    silent_count: beams without echo, -1 = unknown; scan_count: 0 = unknown; notes: what was taken for granted
+    track: of the machine, None = it has none
+    white: intensity of a white target, nan = unknown
+    silent_count: beams without echo, -1 = unknown
+    scan_count: 0 = unknown
+    notes: what was taken for granted
     """
 
     name: str
@@ -149,11 +152,9 @@ def _low(frame: Frame, points: F64, height: F64, shape: tuple[int, int]) -> F64:
 
 
 def _read_las(path: Path, how: Reading) -> Cloud:
-    try:
+    with Extra("las", "reading LAS and LAZ"):
         import laspy
         import lazrs
-    except ImportError as error:
-        raise MissingExtra("las", "reading LAS and LAZ") from error
     check_readable(path, "scans", "a LAS or LAZ file")
     parts: list[tuple[Any, ...]] = []
     try:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder
+from swath.terminal.options import add_folder, option
 
 DESCRIPTION = """
 Echoes of two recordings over one stand, or over stands of one kind, in cells along the path: how far
@@ -19,20 +19,20 @@ FILES = ("results.json", "profiles.png", "map.png", "report.html")
 def add(verbs: Any) -> None:
     """Add the verb."""
     made = verbs.add_parser("scans", help="two sets of scans of a crop", description=DESCRIPTION)
-    made.add_argument("a", type=Path, metavar="A", help="scans that are trusted more")
-    made.add_argument("b", type=Path, metavar="B", help="scans that are compared with them")
+    option(made, "a A", "scans that are trusted more", type=Path)
+    option(made, "b B", "scans that are compared with them", type=Path)
     add_folder(made, "comparison", *FILES, text="write report, pictures and JSON", required=False)
-    made.add_argument(
+    option(
+        made,
         "--align",
-        choices=("pose", "path", "icp"),
-        default="pose",
-        help="by the poses (default), each along its own path, or by the poses and then ICP (extra mesh)",
+        "by the poses (default), each along its own path, or by the poses and then ICP (extra mesh)",
+        ("pose", "path", "icp"),
     )
-    made.add_argument(
+    option(
+        made,
         "--ground",
-        choices=("pose", "echoes"),
-        default="pose",
-        help="ground from the poses, or from the lowest echoes; of LAS always the latter",
+        "ground from the poses, or from the lowest echoes; of LAS always the latter",
+        ("pose", "echoes"),
     )
     for key, unit, text in (
         ("cell", "M", "width of a cell across the path [m] (default 0.25)"),
@@ -47,10 +47,10 @@ def add(verbs: Any) -> None:
         mount = "where its scanner sits [m, deg]"
         made.add_argument(f"--mount-{which}", metavar="X,Y,Z,ROLL,PITCH,YAW", help=mount)
     origin = "without --field: origin of local metres [deg, m]"
-    made.add_argument("--field", type=Path, metavar="DIR", help="field folder whose metres fixes and LAS get")
-    made.add_argument("--origin", metavar="LAT,LON[,HEIGHT]", help=origin)
-    made.add_argument("--white", metavar="A,B", help="intensity of a white target in A and in B")
-    made.add_argument("--json", action="store_true", help="print all numbers and cells as JSON")
+    option(made, "--field DIR", "field folder whose metres fixes and LAS get", type=Path)
+    option(made, "--origin LAT,LON[,HEIGHT]", origin)
+    option(made, "--white A,B", "intensity of a white target in A and in B")
+    option(made, "--json", "print all numbers and cells as JSON")
     made.set_defaults(run=run)
 
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.random import Stream
 from swath.signals import F64
 from swath.tools.compare_scans.clouds import LOWEST_M, Cloud, axis_track
@@ -50,12 +50,12 @@ class Path:
 
     def __init__(self, track: PoseTrack, name: str) -> None:
         flat = _moved(track.position[:, :2])
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(flat, axis=0).T))])
-        self.length = float(way[-1])
+        distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(flat, axis=0).T))])
+        self.length = float(distance[-1])
         if self.length < 2.0 * STEP_M:
             raise InputError("poses", name, f"expected a path, it is {self.length:.2f} m long")
         self.s = np.linspace(0.0, self.length, round(self.length / STEP_M) + 1)
-        raw = np.stack([np.interp(self.s, way, flat[:, k]) for k in (0, 1)], axis=1)
+        raw = np.stack([np.interp(self.s, distance, flat[:, k]) for k in (0, 1)], axis=1)
         self.xy = _smooth(raw)
         step = np.gradient(self.xy, axis=0)
         self.heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
@@ -73,7 +73,7 @@ class Path:
         return place + (s - inside)[:, None] * ahead, heading
 
     def place(self, points: F64) -> Place:
-        """Of world points (n, >=2)."""
+        """Places of world points (n, >=2) along and across the edge."""
         parts = [self._some(points[i : i + AT_ONCE, :2]) for i in range(0, len(points), AT_ONCE)]
         s, d = (np.concatenate(p) for p in zip(*parts, strict=True))
         return Place(s, d)
@@ -148,11 +148,9 @@ def _check_overlap(a: Cloud, b: Cloud) -> None:
 
 def _by_icp(a: Cloud, b: Cloud, notes: list[str]) -> F64:
     """Points of B moved onto those of A. InputError where what was found is not plausible."""
-    try:
+    with Extra("mesh", "--align icp"):
         import scipy.spatial  # noqa: F401  that trimesh looks neighbours up with
         from trimesh.registration import icp
-    except ImportError as error:
-        raise MissingExtra("mesh", "--align icp") from error
     middle = a.points.mean(axis=0)
     low, high = np.percentile(a.points, [0.5, 99.5], axis=0)
     inside = ((b.points >= low - 1.0) & (b.points <= high + 1.0)).all(axis=1)
@@ -181,7 +179,7 @@ def _sample(points: F64, number: int, most: int = ICP_POINTS) -> F64:
     return np.asarray(points[np.sort(rng.choice(len(points), most, replace=False))])
 
 
-# Where no source is named: chosen, so that a cell or a spread has echoes enough to be told from.
+# Where no source is named: chosen, so that a cell or a spread has echoes enough to be reported from.
 FEWEST = 30  # echoes of each cloud in a cell that is compared
 IN_BLOCK, ON_MAP = 3, 12  # echoes of each in a block of it that counts; that is drawn
 FEWEST_BLOCKS = 6  # with a cell in both, for a spread
@@ -214,8 +212,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class Number:
-    """A quantity of both, as means over the cells in which both have it. spread: interval of b - a, or
-    (noise,) of a distance; () where there are too few blocks.
+    """A quantity of both, as means over the cells in which both have it.
+
+    spread: interval of b - a, or (noise,) of a distance; () where there are too few blocks
     """
 
     name: str
@@ -254,12 +253,12 @@ class Comparison:
         numbers: dict[str, dict[str, Any]] = {}
         for n in self.numbers:
             if n.name in DISTANCES:
-                told: dict[str, Any] = {"value": n.difference}
+                entry: dict[str, Any] = {"value": n.difference}
                 spread: dict[str, Any] = {"noise_95": n.spread[0]} if n.spread else {}
             else:
-                told = {"a": n.a, "b": n.b, "difference": n.difference}
+                entry = {"a": n.a, "b": n.b, "difference": n.difference}
                 spread = {"interval_95": list(n.spread)} if n.spread else {}
-            numbers[n.name] = {**told, **spread}
+            numbers[n.name] = {**entry, **spread}
         return {
             "a": self.names[0],
             "b": self.names[1],
@@ -497,9 +496,9 @@ class _Spread:
                 drawn.setdefault(name, []).append(value)
             drawn.setdefault("w1_cells", []).append(by_cell)
             weight = np.bincount(self.rng.integers(0, blocks, blocks), minlength=blocks).astype(np.float32)
-            told = [self._told(k, weight) for k in (0, 1)]
+            means = [self._told(k, weight) for k in (0, 1)]
             for name in DIFFERENCES:
-                drawn.setdefault(name, []).append(_mean((told[1][name] - told[0][name])[known[name]]))
+                drawn.setdefault(name, []).append(_mean((means[1][name] - means[0][name])[known[name]]))
             progress((number + 1) / DRAWS)
         found: dict[str, Any] = {n: (float(np.percentile(drawn[n], 95.0)),) for n in ("w1_m", "ks")}
         found["w1_cells"] = np.nanpercentile(np.array(drawn["w1_cells"]), 95.0, axis=0)
@@ -537,7 +536,7 @@ def _cdf(counts: Any) -> F64:
 
 
 def _mean(values: ArrayLike) -> float:
-    """Of the finite ones, nan where there is none."""
+    """Mean of the finite values, nan where there is none."""
     found = np.asarray(values, dtype=float)
     found = found[np.isfinite(found)]
     return float(found.mean()) if len(found) else float("nan")
@@ -555,15 +554,15 @@ def _brightness(a: Cloud, b: Cloud, white: tuple[float, float] | None, notes: li
         return none
     scale = [_white(c, light) for c, light in zip((a, b), lit, strict=True)]
     ends = [float(np.percentile(light, 99.9)) for light in lit]
-    told = f"{a.name} goes up to {ends[0]:.4g}, {b.name} to {ends[1]:.4g}"
+    note = f"{a.name} goes up to {ends[0]:.4g}, {b.name} to {ends[1]:.4g}"
     if all(scale):
         if scale != [1.0, 1.0]:
-            notes.append(f"intensity: {told}; white is taken as {scale[0]:g} and {scale[1]:g}")
+            notes.append(f"intensity: {note}; white is taken as {scale[0]:g} and {scale[1]:g}")
         return a.intensity / scale[0], b.intensity / scale[1]
     if not any(scale) and max(ends) < 3.0 * min(ends):
-        notes.append(f"intensity: {told}, on what scale is not known; compared as recorded")
+        notes.append(f"intensity: {note}, on what scale is not known; compared as recorded")
         return a.intensity, b.intensity
-    notes.append(f"intensity: {told}, on scales not known; not compared: --white A,B says what white is")
+    notes.append(f"intensity: {note}, on scales not known; not compared: --white A,B says what white is")
     return none
 
 

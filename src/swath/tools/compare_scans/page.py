@@ -74,7 +74,7 @@ def write_comparison(made: Comparison, out: Path) -> None:
     }
     read = [[what, *(_fact(v) for v in pair)] for what, pair in made.facts.items()]
     sections = [
-        Section("What was taken for granted", [Items(made.notes)] if made.notes else []),
+        Section("What was taken for granted", [Items(made.notes)]),
         Table("How far apart", HEAD, number_rows(made), (1, 2, 3), ABOUT_NUMBERS),
         Figure("Across the path", as_image(pictures["profiles.png"]), ABOUT_PROFILES),
         Figure("From above", as_image(pictures["map.png"]), ABOUT_MAP),

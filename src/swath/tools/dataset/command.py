@@ -4,7 +4,7 @@ import argparse
 import os
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets
+from swath.terminal.options import add_folder, add_sets, option
 
 
 def add(parsers: Any) -> None:
@@ -12,24 +12,14 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "dataset", help="labelled pictures of varied scenarios (COCO)", description=_DESCRIPTION
     )
-    parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
+    option(parser, "scenario NAME|FILE", "a bundled scenario, or a YAML file")
     add_folder(parser, "data set", "dataset.json", "annotations.json", "overview.png", alone=False)
-    parser.add_argument("--count", type=int, default=100, metavar="N", help="pictures (default 100)")
-    parser.add_argument(
-        "--seed", type=int, default=1, metavar="N", help="another seed, other pictures (default 1)"
-    )
-    parser.add_argument(
-        "--width-px", type=int, default=640, metavar="PX", help="width of a picture (default 640)"
-    )
-    parser.add_argument(
-        "--height-px", type=int, default=480, metavar="PX", help="height of a picture (default 480)"
-    )
-    parser.add_argument(
-        "--per-scene", type=int, default=5, metavar="N", help="pictures per field and light (default 5)"
-    )
-    parser.add_argument(
-        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
-    )
+    option(parser, "--count N", "pictures", 100)
+    option(parser, "--seed N", "another seed, other pictures", 1)
+    option(parser, "--width-px PX", "width of a picture", 640)
+    option(parser, "--height-px PX", "height of a picture", 480)
+    option(parser, "--per-scene N", "pictures per field and light", 5)
+    option(parser, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
     add_sets(parser, "change the scenario; what is set does not vary; may be given several times")
     parser.set_defaults(run=run)
 

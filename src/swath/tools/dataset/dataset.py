@@ -150,7 +150,8 @@ BETWEEN = 10**9  # times of two pictures of a scene [ns]
 class Settings:
     """scenario: bundled name or path; sets: its changes; machine, camera: whose pictures.
 
-    varies: of `terrain`, `stand`, `light`, `things`; per_scene: pictures of one field in one light
+    varies: of `terrain`, `stand`, `light`, `things`
+    per_scene: pictures of one field in one light
     count, seed: of all pictures
     """
 
@@ -173,7 +174,7 @@ class SceneJob:
 
 
 def name_of(picture: int) -> str:
-    """Of the files of a picture, without the ending."""
+    """Name of the files of a picture, without the ending."""
     return f"{picture + 1:06d}"
 
 
@@ -418,7 +419,7 @@ def make_dataset(
 ) -> Path:
     """Make the pictures that are missing in the folder `out`, then its annotations.json; returns its path.
 
-    progress: told (pictures there, all of them)
+    progress: given (pictures there, all of them)
     InputError where the folder holds a data set of other settings; SwathError where a picture cannot be made.
     """
     for folder in ("images", "masks", "parts"):

@@ -4,17 +4,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser(
         "diff", help="what differs between two runs, as text and page", description=_DESCRIPTION
     )
-    parser.add_argument("first", type=Path, metavar="RUN", help="a run folder")
-    parser.add_argument("second", type=Path, metavar="RUN", help="another run folder")
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="the page (default: diff.html in the second)"
-    )
+    option(parser, "first RUN", "a run folder", type=Path)
+    option(parser, "second RUN", "another run folder", type=Path)
+    option(parser, "--out FILE", "the page (default: diff.html in the second)", type=Path)
     parser.set_defaults(run=run)
 
 

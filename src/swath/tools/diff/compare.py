@@ -26,7 +26,7 @@ from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
 from swath.terminal.tables import number
 
-ROUNDING = 1e-12  # relative; metrics nearer than that are told as equal
+ROUNDING = 1e-12  # relative; metrics nearer than that are reported as equal
 VARY = ("real_time_factor", "wall_s")  # by the clock on the wall
 
 
@@ -274,6 +274,8 @@ def _way(tracks: tuple[Columns, Columns], names: tuple[str, str]) -> Any:
 
 def _apart(a: Columns, b: Columns) -> tuple[np.ndarray, np.ndarray]:
     """How far apart the two are after the same way driven; way [m], distance [m]."""
-    way = np.linspace(0.0, min(float(a["distance_m"].max()), float(b["distance_m"].max())), 400)
-    places = [np.stack([np.interp(way, own["distance_m"], own[k]) for k in ("x_m", "y_m")]) for own in (a, b)]
-    return way, np.hypot(*(places[0] - places[1]))
+    distance = np.linspace(0.0, min(float(a["distance_m"].max()), float(b["distance_m"].max())), 400)
+    places = [
+        np.stack([np.interp(distance, own["distance_m"], own[k]) for k in ("x_m", "y_m")]) for own in (a, b)
+    ]
+    return distance, np.hypot(*(places[0] - places[1]))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.field_io import command as field
-from swath.terminal.options import add_sets, load
+from swath.terminal.options import add_sets, load, option
 
 MB = 1e6
 
@@ -16,34 +16,18 @@ def add(parsers: Any) -> None:
     parser = verbs.add_parser(
         "export", help="take a field to Gazebo, Blender, or as a survey", description=_DESCRIPTION
     )
-    parser.add_argument("scenario", metavar="FIELD", help="a scenario, a run folder or a field folder")
-    parser.add_argument("--to", choices=("sdf", "glb", "las"), required=True, help="the form")
-    parser.add_argument(
-        "--out", type=Path, required=True, metavar="F", help="folder of sdf, file of the others"
-    )
+    option(parser, "scenario FIELD", "a scenario, a run folder or a field folder")
+    option(parser, "--to", "the form", choices=("sdf", "glb", "las"), required=True)
+    option(parser, "--out F", "folder of sdf, file of the others", type=Path, required=True)
     add_sets(parser, "change the scenario, e.g. field.stand.crop=rye; may be given several times")
-    parser.add_argument("--seed", metavar="N", help="another seed")
-    parser.add_argument("--field-state", metavar="FILE", help="the field as a run left it (--save-field)")
-    parser.add_argument("--at-s", type=float, default=0.0, metavar="S", help="after S seconds of driving")
-    parser.add_argument(
-        "--place", metavar="X,Y", help="the middle [m] (default: where the first machine meets the crop)"
-    )
-    parser.add_argument(
-        "--ground-m", type=float, default=60.0, metavar="L", help="side of the square of ground (60)"
-    )
-    parser.add_argument(
-        "--plants-m",
-        type=float,
-        default=3.0,
-        metavar="R",
-        help="radius with plants of sdf and glb (3; 0 = none)",
-    )
-    parser.add_argument(
-        "--points-per-m2", type=float, default=50.0, metavar="N", help="pulses of the survey, las (50)"
-    )
-    parser.add_argument(
-        "--most-mb", type=float, default=250.0, metavar="MB", help="refuse to write more than that (250)"
-    )
+    option(parser, "--seed N", "another seed")
+    option(parser, "--field-state FILE", "the field as a run left it (--save-field)")
+    option(parser, "--at-s S", "after S seconds of driving", 0.0)
+    option(parser, "--place X,Y", "the middle [m] (default: where the first machine meets the crop)")
+    option(parser, "--ground-m L", "side of the square of ground", 60.0)
+    option(parser, "--plants-m R", "radius with plants of sdf and glb (0 = none)", 3.0)
+    option(parser, "--points-per-m2 N", "pulses of the survey, las", 50.0)
+    option(parser, "--most-mb MB", "refuse to write more than that", 250.0)
     parser.set_defaults(run=run)
 
 

@@ -1,4 +1,4 @@
-"""From a world to files: sizes told first, then written.
+"""From a world to files: sizes reported first, then written.
 
 `survey` is a virtual one: pulses of a scanner that flies over the field, each to what it meets first.
 """
@@ -50,12 +50,12 @@ def survey(world: World, place: F64, *, side: float, per_m2: float) -> tuple[Clo
     aim = aim[known_ground(field, *aim.T)]
     field.ensure(float(place[0]), float(place[1]), 0.5 * side * 2**0.5 + HEIGHT_M)
     along = rotation_matrix(0.0, 0.0, field.stand_yaw)[:2, 0]
-    way = (aim - place) @ along
-    order = np.argsort(way, kind="stable")
-    aim, way = aim[order], way[order]
+    along_line = (aim - place) @ along
+    order = np.argsort(along_line, kind="stable")
+    aim, along_line = aim[order], along_line[order]
     ground = np.asarray(field.ground_height(*aim.T), dtype=float)
     top = float(np.nanmax(ground)) + HEIGHT_M
-    origins = np.column_stack([place + way[:, None] * along, np.full(len(aim), top)])
+    origins = np.column_stack([place + along_line[:, None] * along, np.full(len(aim), top)])
     to = np.column_stack([aim, ground]) - origins
     directions = to / np.linalg.norm(to, axis=1)[:, None]
     solids = merge(*(body.solids for body in world.bodies.in_sight("")))
@@ -67,7 +67,7 @@ def survey(world: World, place: F64, *, side: float, per_m2: float) -> tuple[Clo
         cloud[axis] = points[:, k]
     across = (aim - place) @ np.array([-along[1], along[0]])
     cloud["intensity"] = (hits.reflectance * hits.cosine)[seen]
-    cloud["time"] = (way[seen] - way[0]) / SPEED_M_S
+    cloud["time"] = (along_line[seen] - along_line[0]) / SPEED_M_S
     cloud["azimuth"] = np.clip(np.arctan2(across, top - ground), -pi, pi)[seen]
     cloud["beam"] = np.flatnonzero(seen)
     cloud["echo_count"] = 1
@@ -110,8 +110,8 @@ class Wanted:
 def export(world: World, wanted: Wanted, tell: Callable[[str], None]) -> list[Path]:
     """Write the field as it stands.
 
-    Returns the files, what comes is told before. InputError for a name of another form and for what becomes
-    larger than allowed.
+    Returns the files, what comes is reported before. InputError for a name of another form and for what
+    becomes larger than allowed.
     """
     suffix, known = wanted.out.suffix.lower(), SUFFIXES[wanted.to]
     if suffix not in known:

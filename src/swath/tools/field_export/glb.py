@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 from swath.signals import F64
 from swath.tools.field_export.scene import BODY, FieldScene, Ground, body_corners, ground_surface
 
@@ -15,10 +15,8 @@ MACHINE = "#6FA34B"
 
 def need_trimesh() -> Any:
     """The module. MissingExtra without it."""
-    try:
+    with Extra("mesh", "writing a GLB file"):
         import trimesh
-    except ImportError as error:
-        raise MissingExtra("mesh", "writing a GLB file") from error
     return trimesh
 
 

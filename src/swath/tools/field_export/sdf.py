@@ -55,7 +55,7 @@ def write_sdf(folder: Path, scene: FieldScene, world: World) -> list[Path]:
 
 
 def sdf_size(scene: FieldScene) -> int:
-    """Of the meshes [bytes]."""
+    """Size of the meshes [bytes]."""
     return 50 * sum(len(s.faces) for s in scene.surfaces)
 
 

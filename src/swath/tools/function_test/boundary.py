@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.signals import F64
 from swath.tools.function_test.gaussian_process import GaussianProcess, fit
 
@@ -24,10 +24,8 @@ FIRST = 4  # runs for each parameter that are spread evenly before the search be
 
 def sobol_points(count: int, dimensions: int) -> F64:
     """Points of Sobol's sequence in the unit cube, (count, dimensions), without its first one, a corner."""
-    try:
+    with Extra("test", "spreading runs evenly"):
         from scipy.stats import qmc
-    except ImportError:
-        raise MissingExtra("test", "spreading runs evenly") from None
     sequence = qmc.Sobol(dimensions, scramble=False)
     sequence.fast_forward(1)
     return np.asarray(sequence.random(count))

@@ -33,13 +33,16 @@ SURPRISES_MAX = 5  # that are named
 class Cell:
     """The runs of a case with a candidate. planned: how many there are to be; room: how many are drawn.
 
-    text: what the rate of passes shows; means: what is said of each bounded mean
+    text: what the rate of passes shows
+    means: what is said of each bounded mean
 
-    count: of runs; counted, passed: of those that count for the rate, which are not those at points where a
-    failure is known, nor unjudged ones; surprises: runs that passed at points of known failures
-    unjudged: runs with a level outside its checked range; outside: these by slot and quantity; errors: runs
-    that came to one
-    failed: runs that count and did not pass; groups: the same by the first limit that failed
+    count: of runs
+    counted, passed: of those that count for the rate, which are not those at points where a failure is known,
+        nor unjudged ones; surprises: runs that passed at points of known failures
+    unjudged: runs with a level outside its checked range
+    outside: these by slot and quantity
+    errors: runs that came to one failed: runs that count and did not pass
+    groups: the same by the first limit that failed
     measured: what its runs measured, None where there is no other candidate
     worst: the run farthest beyond a limit, or nearest to one; an error before all others
     """
@@ -106,15 +109,15 @@ class Cell:
 
     def _add_sums(self, result: Result) -> None:
         """Take in what is added up over runs."""
-        if told := result.get(SUMMARY):
-            self.integrity = pooled((self.integrity, told))
+        if shares := result.get(SUMMARY):
+            self.integrity = pooled((self.integrity, shares))
         if STEERING_TAG in self.case.file.tags and (classes := result.get(STEERING)):
             point = ", ".join(f"{name} {value}" for name, value in result["point"].items())
             count, before = self.steering.get(point, (0, pooled_classes(())))
             self.steering[point] = count + 1, pooled_classes((before, classes))
             if len(self.steering) > POINTS_MAX or ALL_POINTS in self.steering:
-                counts, told = zip(*self.steering.values(), strict=True)
-                self.steering = {ALL_POINTS: (sum(counts), pooled_classes(told))}
+                counts, shares = zip(*self.steering.values(), strict=True)
+                self.steering = {ALL_POINTS: (sum(counts), pooled_classes(shares))}
 
     def _count(self, run: Kept, metrics: Mapping[str, float | None]) -> None:
         """Take in a run that counts for the rate."""
@@ -181,7 +184,7 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[
 
 
 def errors_of(count: int, of: int, first: str) -> str:
-    """What is told of runs that came to an error."""
+    """What is reported of runs that came to an error."""
     return f"{count} of {of} runs came to an error, nothing is judged from them: {first}"
 
 

@@ -15,8 +15,12 @@ from swath.tools.function_test.integrity import (
 )
 from swath.tools.function_test.judged import UNCOUNTED
 
-COLOURS = (*("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#b8a800"), "var(--ink)")
-WIDTH, HEIGHT, SIDE = 250.0, 110.0, 200.0  # of a chart and of the Stanford diagram [px]
+COLOURS = (
+    *("var(--blue)", "var(--orange)", "var(--green)"),
+    *("#cc79a7", "#e69f00", "#56b4e9", "#b8a800"),
+    "var(--ink)",
+)
+WIDTH, HEIGHT, SIDE = 340.0, 150.0, 300.0  # of a chart and of the Stanford diagram [px]
 PAD = 0.06  # of a chart that is left free at its sides
 MISTAKES = 0.1  # largest share of runs on the wrong side of a boundary that is drawn
 
@@ -97,8 +101,8 @@ def stanford(cells: Sequence[Cell], number: int) -> Chart | None:
     alert, cell = ALERT_M / (BIN_M * BIN_COUNT), 1.0 / BIN_COUNT
     chart.area("hazard", (alert, 0.0), (alert, alert), (1.0, 1.0), (1.0, 0.0))
     most = log1p(max(count for _, _, count in whole["bins"]))
-    for error, told, count in whole["bins"]:
-        chart.box(error * cell, told * cell, cell, cell, fill=colour(number), opacity=log1p(count) / most)
+    for error, reported, count in whole["bins"]:
+        chart.box(error * cell, reported * cell, cell, cell, fill=colour(number), opacity=log1p(count) / most)
     chart.line(0.0, 0.0, 1.0, 1.0)
     chart.line(alert, 0.0, alert, 1.0, "3 3")
     chart.line(0.0, alert, 1.0, alert, "3 3")

@@ -16,12 +16,12 @@ from pathlib import Path
 from threading import Lock, current_thread, main_thread
 from typing import Any
 
-from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.errors import Extra, InputError, MissingExtra, SwathError
 from swath.core.foreign_code import Gate, need_named, present_gate, through
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import STRIKES
 from swath.tools.function_test.journal import Journal, read_journals
-from swath.tools.function_test.one_run import do_run, no_result
+from swath.tools.function_test.one_run import Work, no_result, results_in
 from swath.tools.function_test.plan import PlannedRun, code_hash
 
 Result = dict[str, Any]
@@ -83,11 +83,11 @@ def run_on_cluster(
     client: Any,
     done: Callable[[Result], None],
     *,
-    work: Callable[[PlannedRun, KeptFields], Result] = do_run,
+    work: Work = results_in,
 ) -> None:
     """Do runs on the workers of a client; `done` is called with each result, which is in a journal by then.
 
-    folder: of the journals, seen by all; work: does a run, a function that can be imported. SwathError where
+    folder: of the journals, seen by all; work: does a chunk, can be imported. SwathError where
     no worker is left for some minutes: what is finished is kept, and the same command goes on.
     """
     from distributed import wait
@@ -138,13 +138,14 @@ def _result(job: Any, run: PlannedRun, folder: Path, journal: Journal) -> Result
     return found
 
 
-def _do(run: PlannedRun, folder: str, work: Callable[..., Result], code: str, gate: Gate) -> Result:
+def _do(run: PlannedRun, folder: str, work: Work, code: str, gate: Gate) -> Result:
     """On a worker: do a run and write it down. gate: of the driver."""
     if code_hash() != code:
         raise SwathError(f"the worker {socket.gethostname()} has another version of swath than the driver")
     with _LOCK, through(gate):
         journal, fields = _tools(folder)
-        return journal.add(work(run, fields))
+        (result,) = work([run], fields)
+        return journal.add(result)
 
 
 _LOCK = Lock()  # a worker may have several threads, its journal and its fields are for one
@@ -152,7 +153,7 @@ _LOCK = Lock()  # a worker may have several threads, its journal and its fields 
 
 @cache
 def _tools(folder: str) -> tuple[Journal, KeptFields]:
-    """Of this worker process."""
+    """Tools of this worker process."""
     os.environ.setdefault("SWATH_THREADS", "1")
     return Journal(Path(folder), f"worker-{socket.gethostname()}-{os.getpid()}"), KeptFields()
 
@@ -183,9 +184,8 @@ def slurm_cluster_class() -> Any:
     """The class of dask-jobqueue. Its import sets a handler of SIGINT: the one of before is put back."""
     handler = signal.getsignal(signal.SIGINT)
     try:
-        from dask_jobqueue import SLURMCluster
-    except ImportError:
-        raise MissingExtra("cluster", "--cluster slurm") from None
+        with Extra("cluster", "--cluster slurm"):
+            from dask_jobqueue import SLURMCluster
     finally:
         if current_thread() is main_thread():
             signal.signal(signal.SIGINT, handler)

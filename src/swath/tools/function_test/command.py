@@ -12,7 +12,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.core.shell import command
-from swath.terminal.options import add_folder, add_sets
+from swath.terminal.options import add_folder, add_sets, option
 from swath.terminal.tables import add_json
 from swath.tools.function_test import estimate_command, search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
@@ -23,74 +23,61 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("test", help="run and judge cases many times", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     listing = verbs.add_parser("list", help="list cases: parameters, limits")
-    listing.add_argument("cases", nargs="?", default="catalogue", help=_CASES)
+    option(listing, "cases", _CASES, "catalogue", nargs="?")
     add_json(listing)
     listing.set_defaults(run=_list)
     run = verbs.add_parser("run", help="do the runs of cases; resumes where it was stopped")
-    run.add_argument("cases", nargs="?", help=_CASES)
+    option(run, "cases", _CASES, nargs="?")
     add_folder(run, "function test", text="folder of the results", alone=False)
-    run.add_argument("--odd", metavar="ODD", help="instead of cases: a bound ODD, a file or wheat-harvest")
-    run.add_argument("--runs", type=int, default=0, metavar="N", help="runs of --odd (default 400)")
-    run.add_argument(
-        "--with",
+    option(run, "--odd ODD", "instead of cases: a bound ODD, a file or wheat-harvest")
+    option(run, "--runs N", "runs of --odd (default 400)", 0)
+    option(
+        run,
+        "--with FILE",
+        "candidates to compare, or an edge detector of your own: mine.py:Mine",
         type=Path,
         dest="candidates",
-        metavar="FILE",
-        help="candidates to compare, or an edge detector of your own: mine.py:Mine",
     )
-    run.add_argument("--seeds", type=int, metavar="N", help="seeds 1 to N instead of those of the cases")
-    run.add_argument("--draw", type=int, default=0, metavar="N", help="N random points instead of the grid")
-    run.add_argument(
-        "--draw-seed", type=int, default=1, metavar="N", help="seed of the random points (default 1)"
-    )
-    run.add_argument("--only", action="append", default=[], metavar="TAG", help="only cases with this tag")
+    option(run, "--seeds N", "seeds 1 to N instead of those of the cases", type=int)
+    option(run, "--draw N", "N random points instead of the grid", 0)
+    option(run, "--draw-seed N", "seed of the random points", 1)
+    option(run, "--only TAG", "only cases with this tag", [])
     add_sets(run, "change every scenario")
-    run.add_argument(
+    option(
+        run,
         "--level",
+        "LiDAR level; empirical is used only where it is accurate enough for the limits",
+        "",
         choices=("empirical", "plants"),
-        default="",
-        help="LiDAR level; empirical is used only where it is accurate enough for the limits",
     )
-    run.add_argument(
-        "--shadow",
-        action="store_true",
-        help="the first candidate steers, the others only see its scans (open loop)",
-    )
-    run.add_argument(
-        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
-    )
-    run.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
-    run.add_argument("--plan-only", action="store_true", help="write the plan only, for swath test work")
+    option(run, "--shadow", "the first candidate steers, the others only see its scans (open loop)")
+    option(run, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
+    option(run, "--cluster WHERE", CLUSTER, "")
+    option(run, "--plan-only", "write the plan only, for swath test work")
     run.set_defaults(run=_run)
     search_command.add(verbs)
     estimate_command.add(verbs)
     work = verbs.add_parser("work", help="do one share of a plan, on any computer that sees the folder")
     work.add_argument("folder", type=Path)
-    work.add_argument("--shard", required=True, metavar="I/N", help="share to do, e.g. 3/200")
+    option(work, "--shard I/N", "share to do, e.g. 3/200", required=True)
     work.set_defaults(run=_work)
     report = verbs.add_parser("report", help="judge stored results by the present limits; runs nothing")
     report.add_argument("folder", type=Path)
     cod = "of an ODD: also what each run drove, as tables of OpenODD (COD), into DIR/cod"
-    report.add_argument("--cod", action="store_true", help=cod)
+    option(report, "--cod", cod)
     report.set_defaults(run=_report)
     versus = verbs.add_parser(
         "compare", help="compare two results run by run; exit code 1: something is worse"
     )
-    versus.add_argument("old", metavar="OLD", help="a folder of results, or FOLDER:CANDIDATE")
-    versus.add_argument("new", metavar="NEW", help="another, or the same with another candidate")
-    versus.add_argument(
-        "--metric",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="compare this metric instead of the default ones",
-    )
-    versus.add_argument("--within", type=float, metavar="VALUE", help="differences up to this count as equal")
+    option(versus, "old OLD", "a folder of results, or FOLDER:CANDIDATE")
+    option(versus, "new NEW", "another, or the same with another candidate")
+    option(versus, "--metric NAME", "compare this metric instead of the default ones", [])
+    option(versus, "--within VALUE", "differences up to this count as equal", type=float)
     versus.set_defaults(run=_compare)
     again = verbs.add_parser("again", help="repeat one run as a full run folder and check its digest")
     again.add_argument("folder", type=Path)
-    again.add_argument("name", metavar="RUN", help="the run, or the beginning of its name")
-    again.add_argument("--out", type=Path, metavar="DIR", help="default: FOLDER/kept/RUN")
+    option(again, "name RUN", "the run, or the beginning of its name")
+    option(again, "--out DIR", "default: FOLDER/kept/RUN", type=Path)
     again.set_defaults(run=_again)
 
 
@@ -117,7 +104,7 @@ def _list(args: argparse.Namespace) -> int:
         return 0
     name, objective, varied, count, limits, tags = rows[0]
     vary = [f"{key} {', '.join(map(str, at))}" for key, at in varied.items()]
-    told = {
+    used = {
         "objective": objective,
         "varied": "; ".join(vary),
         "runs": str(count),
@@ -125,7 +112,7 @@ def _list(args: argparse.Namespace) -> int:
         "tags": ", ".join(tags),
         "known failures": "; ".join(known.why for known in cases[0].file.known),
     }
-    table("", ("case", name), [(key, text) for key, text in told.items() if text])
+    table("", ("case", name), [(key, text) for key, text in used.items() if text])
     return 0
 
 
@@ -166,8 +153,8 @@ def _run_odd(args: argparse.Namespace) -> int:
 
     others = {"cases": args.cases, "--with": args.candidates, "--seeds": args.seeds, "--draw": args.draw,
               "--only": args.only, "--shadow": args.shadow, "--plan-only": args.plan_only}  # fmt: skip
-    if told := [name for name, value in others.items() if value]:
-        raise InputError("--odd", args.odd, f"expected without {', '.join(told)}: the ODD says what is run")
+    if used := [name for name, value in others.items() if value]:
+        raise InputError("--odd", args.odd, f"expected without {', '.join(used)}: the ODD says what is run")
     odd = read_odd(find_odd(args.odd))
     runs = args.runs or RUNS
     campaign = Campaign(odd.name, revision_of(odd), (runs,), args.draw_seed, tuple(args.sets), args.level)

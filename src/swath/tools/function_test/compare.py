@@ -41,7 +41,7 @@ class Comparison:
 
     @cached_property
     def outcomes(self) -> list[str]:
-        """Of each pair."""
+        """Outcome of each pair."""
         return [outcome(old, new) for old, new in self.pairs]
 
     @cached_property

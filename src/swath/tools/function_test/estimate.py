@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, MissingExtra, SwathError
+from swath.core.errors import Extra, InputError, SwathError
 from swath.core.random import Stream
 from swath.core.whole_file import no_link
 from swath.signals import F64
@@ -48,9 +48,13 @@ UNSEEN_MOST = 0.5  # of the probability that may lie where the cheap level keeps
 
 @dataclass(frozen=True)
 class Estimate:
-    """What is asked. case: a bundled one or a file; limit: name of the one that is broken, "" = any; budget:
-    runs from which the number comes, and of the search without a cheap level; cheap: changes of the scenario
-    for the runs that search, () = none; cheap_budget: how many.
+    """What is asked.
+
+    case: a bundled one or a file
+    limit: name of the one that is broken, "" = any
+    budget: runs from which the number comes, and of the search without a cheap level
+    cheap: changes of the scenario for the runs that search, () = none
+    cheap_budget: how many
     """
 
     case: str
@@ -75,8 +79,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Distribution:
-    """Of a parameter by its exposure. edges: of a number's buckets; values: of what has no range; shares: of
-    them up to the end of each, from 0 to 1.
+    """Of a parameter by its exposure.
+
+    edges: of a number's buckets
+    values: of what has no range
+    shares: of them up to the end of each, from 0 to 1
     """
 
     shares: F64
@@ -109,7 +116,8 @@ def _cumulated(each: Sequence[float]) -> F64:
 class Round:
     """Runs that were done together. level: `cheap` or ""; places: in normal space, (n, d); points: there.
 
-    margins: (n,), nan = not judged; results: of the runs
+    margins: (n,), nan = not judged
+    results: of the runs
     """
 
     level: str
@@ -121,9 +129,12 @@ class Round:
 
 @dataclass(frozen=True)
 class Estimated:
-    """An estimate in its folder. last: the round from which the number comes; weights: of its runs, exposure
-    over density, (n,); overlooked: which lie outside the regions that the search found, (n,) of bool;
-    cheap_margins: of the same points and seeds at the cheap level, None without one.
+    """An estimate in its folder.
+
+    last: the round from which the number comes
+    weights: of its runs, exposure over density, (n,)
+    overlooked: which lie outside the regions that the search found, (n,) of bool
+    cheap_margins: of the same points and seeds at the cheap level, None without one
     """
 
     folder: Path
@@ -228,7 +239,7 @@ class Estimated:
 
     @property
     def results(self) -> list[Result]:
-        """Of all runs at the level that is judged."""
+        """Results of all runs at the level that is judged."""
         rounds = [r for r in (*self.rounds, self.last) if not r.level]
         return [result for r in rounds for result in r.results]
 
@@ -254,7 +265,7 @@ class Estimated:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """For a file: what is told, and what it rests on."""
+        """For a file: what is reported, and what it rests on."""
         rate, cheap = self.rate, self.cheap_rate
         given = not self.refusals
         return {
@@ -385,8 +396,6 @@ def check(asked: Estimate) -> Case:
 
 
 def _normal_share(place: F64) -> F64:
-    try:
+    with Extra("test", "swath test estimate"):
         from scipy.special import ndtr
-    except ImportError:
-        raise MissingExtra("test", "swath test estimate") from None
     return np.asarray(ndtr(place))

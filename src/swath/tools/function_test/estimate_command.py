@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets
+from swath.terminal.options import add_folder, add_sets, option
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 SUMMARY = "summary.json"
@@ -21,33 +21,22 @@ def add(verbs: Any) -> None:
         "over the exposure of what the case varies. Exit code 0 a number is given, 3 it cannot be supported; "
         "with --at-most 0 kept, 1 exceeded, 3 not shown.",
     )
-    estimate.add_argument(
-        "case", help="a case file or a bundled case; `exposure` says how often values occur"
-    )
+    option(estimate, "case", "a case file or a bundled case; `exposure` says how often values occur")
     add_folder(estimate, "estimate", text="folder of the results", alone=False)
-    estimate.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: any)")
-    estimate.add_argument(
-        "--budget", type=int, default=2000, metavar="N", help="runs at the level judged (default 2000)"
-    )
+    option(estimate, "--limit NAME", "only this limit (default: any)", "")
+    option(estimate, "--budget N", "runs at the level judged", 2000)
     add_sets(estimate, "of every scenario")
-    estimate.add_argument(
-        "--cheap",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="change for the runs that search, such as combine.lidar=profile; the number rests on the others",
+    option(
+        estimate,
+        "--cheap KEY=VALUE",
+        "change for the runs that search, such as combine.lidar=profile; the number rests on the others",
+        [],
     )
-    estimate.add_argument(
-        "--cheap-budget", type=int, metavar="N", help="runs of the cheap search (default: as --budget)"
-    )
-    estimate.add_argument("--at-most", type=float, metavar="P", help="judge: the probability is at most this")
-    estimate.add_argument(
-        "--draw-seed", type=int, default=1, metavar="N", help="seed of the random points (default 1)"
-    )
-    estimate.add_argument(
-        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
-    )
-    estimate.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
+    option(estimate, "--cheap-budget N", "runs of the cheap search (default: as --budget)", type=int)
+    option(estimate, "--at-most P", "judge: the probability is at most this", type=float)
+    option(estimate, "--draw-seed N", "seed of the random points", 1)
+    option(estimate, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
+    option(estimate, "--cluster WHERE", CLUSTER, "")
     estimate.set_defaults(run=_estimate)
 
 

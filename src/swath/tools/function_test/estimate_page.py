@@ -1,5 +1,6 @@
 """report.html of an estimate: where failures lie, and with which weight; its JUnit file."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -12,7 +13,7 @@ from swath.report.html import Banner, Facts, Section, Table, element, write_page
 from swath.signals import F64
 from swath.tools.function_test.estimate import Estimated
 from swath.tools.function_test.junit import write_suites
-from swath.tools.function_test.page import AGAIN, more
+from swath.tools.function_test.page import failures
 from swath.tools.function_test.verdict import BROKEN, SHOWN
 
 SIDE = 360.0  # of the picture [px]
@@ -58,8 +59,7 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
             "Where failures lie",
             [_picture(found, names), Table("", PARAMETERS, [_parameter(found, n) for n in names], (5,))],
         ),
-        Table("Failures that weigh most", ["point", "run", "share", "reason"], failed, (2,),
-              f"{more(rate.failures, len(failed))} {AGAIN}"),
+        failures("Failures that weigh most", "share", failed, rate.failures),
         Section(
             "How sure it is",
             [ABOUT.format(f"{found.blind:.2g}"),
@@ -108,7 +108,7 @@ def _values(found: Estimated, name: str) -> F64:
 
 
 def _picture(found: Estimated, names: list[str]) -> Chart:
-    """Over the two parameters that tell most, or the margin over the only one."""
+    """Over the two parameters that matter most, or the margin over the only one."""
     x = _values(found, names[0])
     y = _values(found, names[1]) if len(names) > 1 else 0.5 + 0.5 * np.nan_to_num(found.last.margins)
     up = _axis(found, names[1]) if len(names) > 1 else ("margin", "-1", "1")
@@ -149,22 +149,13 @@ def _parameter(found: Estimated, name: str) -> list[object]:
     return [name, element("code", varied.key), span, exposure, lie or "–", f"{found.telling[name]:.2f}"]
 
 
-def _failed(found: Estimated) -> list[list[object]]:
-    """The failures that weigh most."""
+def _failed(found: Estimated) -> list[tuple[Mapping[str, Any], str]]:
+    """The failures that weigh most, with their share of the probability."""
     last = found.last
     whole = float(np.sum(found.weights[last.margins < 0.0]))
     each = zip(found.weights.tolist(), last.margins.tolist(), last.results, strict=True)
-    failures = [(weight, result) for weight, margin, result in each if margin < 0.0]
-    heaviest = sorted(failures, key=lambda pair: (-pair[0], pair[1]["id"]))[:FAILED_MAX]
-    return [
-        [f"{', '.join(_told(k, v) for k, v in result['point'].items())}, seed {result['seed']}",
-         element("code", result["id"][:8]), f"{100 * weight / whole:.1f} %", result["reason"]]
-        for weight, result in heaviest
-    ]  # fmt: skip
-
-
-def _told(name: str, value: Any) -> str:
-    return f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+    failed = sorted(((w, r) for w, m, r in each if m < 0.0), key=lambda pair: (-pair[0], pair[1]["id"]))
+    return [(result, f"{100 * weight / whole:.1f} %") for weight, result in failed[:FAILED_MAX]]
 
 
 def write_junit(path: Path, found: Estimated, at_most: float | None) -> Path:

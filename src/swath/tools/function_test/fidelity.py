@@ -63,7 +63,7 @@ def _set_by(stand: Any) -> dict[str, list[float]]:
 
 
 def _why_not_for(scenario: Scenario) -> str:
-    """Which limit is too narrow."""
+    """Say which limit is too narrow for the level; "" where none is."""
     for expected in scenario.expect:
         bounds = [abs(b) for b in (expected.limit.min, expected.limit.max) if b is not None]
         if expected.name in BIASED and bounds and min(bounds) <= BIAS_M:

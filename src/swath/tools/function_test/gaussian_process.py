@@ -10,7 +10,7 @@ from math import log, pi, sqrt
 
 import numpy as np
 
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 from swath.signals import F64
 
 PRIORS = {"length": (0.5, 1.0), "variance": (0.5, 1.0), "noise": (0.1, 1.0)}  # median, sd of the logarithm
@@ -22,8 +22,12 @@ WIDEST = 4.0  # sd of the logarithm from the median at which the fit ends
 class GaussianProcess:
     """Fitted to values at points of the unit cube, (n, d).
 
-    mean: of the values; lengths: (d,); variance: of the function; noise: sd of the values
-    factor: lower Cholesky factor of the covariance of the values, (n, n); weights: (n,)
+    mean: of the values
+    lengths: (d,)
+    variance: of the function
+    noise: sd of the values
+    factor: lower Cholesky factor of the covariance of the values, (n, n)
+    weights: (n,)
     """
 
     points: F64
@@ -59,10 +63,8 @@ class GaussianProcess:
 
 def fit(points: F64, values: F64) -> GaussianProcess:
     """The process of some values (n,) at points of the unit cube (n, d). MissingExtra without scipy."""
-    try:
+    with Extra("test", "swath test search"):
         from scipy.optimize import minimize
-    except ImportError:
-        raise MissingExtra("test", "swath test search") from None
     count = points.shape[1]
     mean = float(np.mean(values))
     medians = np.array([PRIORS["length"][0]] * count + [PRIORS["variance"][0], PRIORS["noise"][0]])

@@ -1,10 +1,10 @@
 """Is a detector wrong and sure? The Stanford diagram of satellite navigation, for the crop edge.
 
-Over all samples: the error that there is (x) and three standard deviations as they are told (y). Below the
-diagonal the error is more than told (misleading); where it is beyond the alert limit, too, the detector is
-sure and wrong (hazardously misleading; Tossaint et al. 2007, the Stanford-ESA integrity diagram). One that
-says that it is not sure is unavailable: its samples stand in the top row. One without a standard deviation
-tells 0. What sure, wrong and an episode are: `judge/evaluators/edge_detection.py`.
+Over all samples: the error that there is (x) and three standard deviations as they are reported (y). Below
+the diagonal the error is more than reported (misleading); where it is beyond the alert limit, too, the
+detector is sure and wrong (hazardously misleading; Tossaint et al. 2007, the Stanford-ESA integrity diagram).
+One that says that it is not sure is unavailable: its samples stand in the top row. One without a standard
+deviation tells 0. What sure, wrong and an episode are: `judge/evaluators/edge_detection.py`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ BIN_M, BIN_COUNT = 0.03, 20  # of error and of three standard deviations; the la
 
 
 class IntegrityHook(RunHook):
-    """Notes error against told error of the machines of a run."""
+    """Notes error against reported error of the machines of a run."""
 
     READS_TRACKS = False
 
@@ -31,18 +31,18 @@ class IntegrityHook(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """`integrity`: of all machines with an edge detector together."""
-        told = [integrity_of(j.series(), j.setup.settling_m) for j in self._judges]
-        return {SUMMARY: pooled(one for one in told if one["samples"])}
+        found = [integrity_of(j.series(), j.setup.settling_m) for j in self._judges]
+        return {SUMMARY: pooled(one for one in found if one["samples"])}
 
 
 def integrity_of(series: EdgeSeries, settling: float) -> dict[str, Any]:
-    """Counts of one run: bins (error bin, told bin, samples), samples, hazardous, episodes, longest_m, km."""
+    """Counts of one run: bins (error, reported, samples), samples, hazardous, episodes, longest_m, km."""
     s = series.settled(settling)
     beyond = BIN_M * BIN_COUNT
     error = np.where(np.isfinite(s.error), np.abs(s.error), MATCH_M)[s.found]
-    told = np.where(np.isfinite(s.offset_sd), DEVIATIONS * s.offset_sd, 0.0)
-    told = np.where(s.is_sure, told, beyond)[s.found]
-    pairs = np.minimum(np.stack([error, told]) // BIN_M, BIN_COUNT - 1).astype(int)
+    reported = np.where(np.isfinite(s.offset_sd), DEVIATIONS * s.offset_sd, 0.0)
+    reported = np.where(s.is_sure, reported, beyond)[s.found]
+    pairs = np.minimum(np.stack([error, reported]) // BIN_M, BIN_COUNT - 1).astype(int)
     cells, counts = np.unique(pairs, axis=1, return_counts=True)
     bins = [[int(a), int(b), int(n)] for (a, b), n in zip(cells.T, counts, strict=True)]
     episodes = s.episodes()
@@ -61,8 +61,8 @@ def pooled(runs: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     total = {"samples": 0, "hazardous": 0, "episodes": 0, "longest_m": 0.0, "km": 0.0}
     bins: dict[tuple[int, int], int] = {}
     for run in runs:
-        for error, told, count in run["bins"]:
-            bins[error, told] = bins.get((error, told), 0) + count
+        for error, reported, count in run["bins"]:
+            bins[error, reported] = bins.get((error, reported), 0) + count
         longest = max(total["longest_m"], run["longest_m"])
         total = {key: total[key] + run[key] for key in total} | {"longest_m": longest}
     return {**total, "bins": [[a, b, n] for (a, b), n in sorted(bins.items())]}

@@ -102,8 +102,8 @@ class Stored:
                 names.append(int(result["id"], 16))
                 files.append(number)
                 offsets.append(offset)
-                for told in (result, *result.get("shadow", {}).values()):
-                    self.metrics |= told["metrics"].keys()
+                for entry in (result, *result.get("shadow", {}).values()):
+                    self.metrics |= entry["metrics"].keys()
         self._names, first = np.unique(np.array(names, np.uint64), return_index=True)
         self._numbers = np.array(files, np.uint32)[first]
         self._offsets = np.array(offsets, np.uint64)[first]

@@ -25,7 +25,7 @@ UNCOUNTED = (OPEN, UNJUDGED, ERROR)
 
 
 def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, Any]) -> tuple[str, str]:
-    """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` tells it."""
+    """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` gives it."""
     for result, verdict in (("fail", "fail"), ("not measured", UNJUDGED)):
         if of := next((e for e in entries if result_of(e) == result), None):
             return verdict, f"{of['subject']}.{of['name']}: {of['reason']}"
@@ -39,11 +39,11 @@ def beyond(result: Result) -> list[tuple[str, str, Sequence[float]]]:
     """Of a result what is outside a checked range and keeps a limit from being judged: slot, quantity, and
     what was met of it.
     """
-    told = result.get(CREDIBILITY, {})
+    credibility = result.get(CREDIBILITY, {})
     return [
         (slot, q["quantity"], q["met"])
         for slot in _rested_on(result["expect"])
-        for q in told[slot]["quantities"]
+        for q in credibility[slot]["quantities"]
     ]
 
 
@@ -99,13 +99,17 @@ def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
     have: metrics of the edge. `open` where there is no such limit.
     """
     for name in names:
-        told = result.get("shadow", {}).get(name, {"metrics": {}, "digest": ""})
+        of_candidate = result.get("shadow", {}).get(name, {"metrics": {}, "digest": ""})
         entries = []
         for entry in result["expect"]:
-            if entry["name"] in told["metrics"] and "window" not in entry and "hold" not in entry["limit"]:
+            if (
+                entry["name"] in of_candidate["metrics"]
+                and "window" not in entry
+                and "hold" not in entry["limit"]
+            ):
                 kept = {k: entry[k] for k in ("subject", "name", "limit", "rests_outside") if k in entry}
                 limit = Limit.model_validate(entry["limit"])
-                entries.append({**kept, **_checked(limit, told["metrics"][entry["name"]])})
+                entries.append({**kept, **_checked(limit, of_candidate["metrics"][entry["name"]])})
         verdict, reason = verdict_of(entries, result.get(CREDIBILITY, {})) if entries else (OPEN, "")
         yield {
             **result,
@@ -116,5 +120,5 @@ def in_shadow(result: Result, names: Iterable[str]) -> Iterator[Result]:
             "expect": entries,
             "incidents": [],
             STEERING: None,
-            **told,
+            **of_candidate,
         }

@@ -1,10 +1,10 @@
-"""One run of a function test, in this process: what comes out is a line of a journal."""
+"""Runs of a function test, in this process: what comes out of each is a line of a journal."""
 
-import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from swath.core.errors import SwathError, shortened
+from swath.core.errors import shortened
 from swath.runtime.credibility import SUMMARY as CREDIBILITY
 from swath.runtime.credibility import outside_of
 from swath.runtime.hooks import RunHook
@@ -12,9 +12,11 @@ from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.met import SUMMARY as MET
 from swath.runtime.met import MetHook
+from swath.runtime.worlds import run_each
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.integrity import SUMMARY as INTEGRITY
 from swath.tools.function_test.integrity import IntegrityHook
+from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judged import verdict_of
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.ranking import EDGE_US
@@ -43,22 +45,32 @@ def hooks_of(run: PlannedRun) -> list[RunHook]:
     return [*hooks, *([MetHook(run.met)] if run.met else [])]
 
 
-def do_run(run: PlannedRun, fields: KeptFields) -> dict[str, Any]:
-    """Drive and judge.
+Work = Callable[[Sequence[PlannedRun], KeptFields], Iterable[Result]]
 
-    The verdict is `pass`, `fail`, `not judged` where it would rest on a level outside its checked range, or
-    `error` where the run could not be made or crashed.
+
+def results_in(runs: Sequence[PlannedRun], fields: KeptFields) -> Iterator[Result]:
+    """Drive and judge runs, several of them in step.
+
+    Gives each as it ends, as the line of a journal that it comes to alone. The verdict is `pass`, `fail`,
+    `not judged` where it would rest on a level outside its checked range, or `error` where the run could not
+    be made or crashed.
 
     fields: of the runs before; reason: the first limit that failed, the range that was left, or the error
     """
-    started = time.process_time()
-    try:
-        found = result_of(run, run_unrecorded(scenario_of(run), fields, hooks=hooks_of(run)))
-    except SwathError as error:
-        found = no_result(run, str(error))
-    except Exception as error:  # a user's own part may raise anything; one run must not end the others
-        found = no_result(run, f"{type(error).__name__}: {error}")
-    return {**found, "cpu_s": time.process_time() - started}
+
+    def alone(run: PlannedRun) -> dict[str, Any]:
+        return run_unrecorded(scenario_of(run), fields, hooks=hooks_of(run))
+
+    for number, ended, cpu_s in run_each(runs, lambda run: (scenario_of(run), hooks_of(run)), alone):
+        run = runs[number]
+        found = result_of(run, ended) if isinstance(ended, dict) else no_result(run, str(ended))
+        yield {**found, "cpu_s": cpu_s}
+
+
+def do_run(run: PlannedRun, fields: KeptFields) -> Result:
+    """Do one of the runs."""
+    (result,) = results_in([run], fields)
+    return result
 
 
 def no_result(run: PlannedRun, why: str) -> dict[str, Any]:

@@ -181,12 +181,28 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
             Banner(
                 f"{counted(unexpected, 'run')} pass{'es' if unexpected == 1 else ''} where the case says "
                 "that a failure is known: "
-                f"{', '.join(f'{c.case.name} ({_point(r)})' for c, r in surprises[:5])}."
+                f"{', '.join(f'{c.case.name} ({point_text(r.point, r.seed)})' for c, r in surprises[:5])}."
             )
             if surprises
             else "",
         ],
     )
+
+
+def point_text(point: Mapping[str, object], seed: int) -> str:
+    """Where a run lies in the parameters of its case, and its seed."""
+    named = (f"{k} {v:.6g}" if isinstance(v, float) else f"{k} {v}" for k, v in point.items())
+    return ", ".join((*named, f"seed {seed}"))
+
+
+def failures(title: str, column: str, rows: Sequence[tuple[Mapping[str, Any], str]], count: int) -> Table:
+    """Failed runs with a number of each in a column; of `count` some may be left out."""
+    cells = [
+        [point_text(run["point"], run["seed"]), element("code", run["id"][:8]), value, run["reason"]]
+        for run, value in rows
+    ]
+    head = ("point", "run", column, "reason")
+    return Table(title, head, cells, (2,), f"{more(count, len(cells))} {AGAIN}")
 
 
 def more(count: int, shown: int, where: str = "`results.parquet`") -> str:
@@ -226,7 +242,7 @@ def _cell(cell: Cell) -> Html:
         is_known = run.verdict == "fail" and cell.case.known(run.point)
         look = "known" if is_known else run.verdict.replace(" ", "-")
         up = 0.22 + 0.56 * (number * 7 % 19) / 18.0  # rows keep dots apart
-        title = f"{_point(run)}: {cell.why_failed(run) or 'passes'}"
+        title = f"{point_text(run.point, run.seed)}: {cell.why_failed(run) or 'passes'}"
         strip.dot(0.5 + 0.47 * max(-1.0, run.margin), up, look, title)
     below = [element("small", text) for text in (cell.text, *cell.means)]
     limits = [element("small", _limit(*nearest)) for nearest in cell.nearest[:6]]
@@ -273,12 +289,8 @@ def _known(cell: Cell) -> list[str]:
 
 def _failure(cell: Cell, run: Kept) -> list[object]:
     reason = cell.why_failed(run) or "passes"
-    return [cell.case.name, cell.candidate, _point(run), element("code", run.id[:8]), reason]
-
-
-def _point(run: Kept) -> str:
-    values = ", ".join(f"{name} {value}" for name, value in run.point.items())
-    return f"{values}, seed {run.seed}" if values else f"seed {run.seed}"
+    point = point_text(run.point, run.seed)
+    return [cell.case.name, cell.candidate, point, element("code", run.id[:8]), reason]
 
 
 def _groups(cells: Sequence[Cell]) -> list[list[str]]:

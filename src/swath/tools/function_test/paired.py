@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from swath.core.errors import MissingExtra
+from swath.tools.function_test.verdict import scipy_stats
 
 Name = TypeVar("Name", str, int)
 ALPHA = 0.05  # chance with which something is shown that is not there
@@ -28,7 +28,8 @@ class Difference:
     """New minus old of one number over pairs. estimate, low, high: with its interval of 95 %.
 
     within: the smallest margin in which it is shown to lie (two one-sided tests at 5 %)
-    smallest: the difference that so many pairs would have shown with a chance of 80 %; p: of Wilcoxon's test
+    smallest: the difference that so many pairs would have shown with a chance of 80 %
+    p: of Wilcoxon's test
     """
 
     count: int
@@ -41,8 +42,8 @@ class Difference:
 
 
 def difference(values: Sequence[float]) -> Difference:
-    """Of paired differences, (n,), finite."""
-    stats = _scipy()
+    """Difference that pairs show, (n,), finite."""
+    stats = scipy_stats()
     d = np.asarray(values, dtype=float)
     n = len(d)
     if n == 0:
@@ -63,7 +64,7 @@ def difference(values: Sequence[float]) -> Difference:
 
 def _interval(walsh: Any, n: int, confidence: float) -> tuple[float, float]:
     """The Walsh averages that Wilcoxon's test does not refuse; without bounds where n is too small."""
-    z = float(_scipy().norm.ppf(0.5 + 0.5 * confidence))
+    z = float(scipy_stats().norm.ppf(0.5 + 0.5 * confidence))
     rank = n * (n + 1) / 4.0 - z * sqrt(n * (n + 1) * (2 * n + 1) / 24.0)
     k = int(np.floor(rank))
     if k < 1:
@@ -74,7 +75,7 @@ def _interval(walsh: Any, n: int, confidence: float) -> tuple[float, float]:
 def verdict_test(better: int, worse: int) -> float:
     """P that verdicts change so unevenly, or more so, where neither version is better."""
     count = better + worse
-    return float(_scipy().binomtest(better, count, 0.5).pvalue) if count else 1.0
+    return float(scipy_stats().binomtest(better, count, 0.5).pvalue) if count else 1.0
 
 
 def holm(p: Mapping[Name, float], level: float = ALPHA) -> set[Name]:
@@ -95,11 +96,3 @@ def paired_values(pairs: Sequence[tuple[Any, Any]], metric: str) -> list[float]:
         if a is not None and b is not None and isfinite(a) and isfinite(b):
             found.append(b - a)
     return found
-
-
-def _scipy() -> Any:
-    try:
-        from scipy import stats
-    except ImportError:
-        raise MissingExtra("test", "swath test") from None
-    return stats

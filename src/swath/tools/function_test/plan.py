@@ -3,7 +3,8 @@
 The name is a SHA-256 (FIPS 180-4) of the scenario as it is resolved, the contents of every file that it or a
 change of it names, the changes, the seed, and the code of this package. A result is found again under it
 however often a plan is interrupted, and not found where anything has changed. What the runs of a plan are
-called is written down when it is made: results are read, told and judged by that, whatever has changed since.
+called is written down when it is made: results are read, reported and judged by that, whatever has changed
+since.
 """
 
 import hashlib
@@ -59,15 +60,18 @@ class PlannedRun:
 class Plan:
     """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name.
 
-    seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
+    seeds: of each case, None = its own
+    drawn: points at random instead of the grid
+    draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
     shadow: the first candidate steers, the others go along in shadow
     level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits, unless
-    AS_SET
+        AS_SET
     points: (seed, point) of each run instead of all points with all seeds, as a search chose them
-    code: hash of the code that its results come from, "" = this; made_of: of the files that it names, by path
+    code: hash of the code that its results come from, "" = this
+    made_of: of the files that it names, by path
     expects: limits of the cases when the plan was made, by case: they belong to the names of the runs; others
-    = as the cases have them now
+        = as the cases have them now
     """
 
     cases: str
@@ -142,10 +146,10 @@ class Plan:
                     more, why = self._level_at(case, at[name])
                     shadows = {other: layered(at[other], more) for other in at if other not in self.steering}
                     sets = layered(at[name], more)
-                    told: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
-                    told += [[other, contents[other], *shadows[other]] for other in shadows]
-                    told += [["met", *case.file.met]] if case.file.met else []
-                    run_id = _sha(told)[:ID_LENGTH]
+                    content: list[Any] = [base, contents[name], *sets, f"seed={seed}"]
+                    content += [[other, contents[other], *shadows[other]] for other in shadows]
+                    content += [["met", *case.file.met]] if case.file.met else []
+                    run_id = _sha(content)[:ID_LENGTH]
                     yield PlannedRun(
                         run_id, case.name, name, point, seed, case.scenario, sets, shadows, why, case.file.met
                     )
@@ -199,8 +203,8 @@ class Plan:
                 sets = self.candidates[name]
                 for varied in case.file.vary.values():
                     for text in changed:
-                        if told := next((key for key in varied.keys if says_about(text, key)), ""):
-                            expected = f"expected another key, {case.name} varies {told}"
+                        if key_of := next((key for key in varied.keys if says_about(text, key)), ""):
+                            expected = f"expected another key, {case.name} varies {key_of}"
                             raise InputError(f"--set {text}", None, expected)
                 try:
                     point = self._point_of(case, 0)[1]

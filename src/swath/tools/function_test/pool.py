@@ -11,20 +11,20 @@ from typing import Any
 
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
-from swath.tools.function_test.in_step import Chunk, Work, in_chunks, results_in
+from swath.tools.function_test.in_step import Chunk, in_chunks
 from swath.tools.function_test.journal import Journal, results_of
-from swath.tools.function_test.one_run import do_run, no_result
+from swath.tools.function_test.one_run import Work, no_result, results_in
 from swath.tools.function_test.plan import PlannedRun
 
 Done = Callable[[dict[str, Any]], None]
 
 
 def run_all(
-    runs: Iterable[PlannedRun], folder: Path, workers: int, done: Done, *, work: Work = do_run
+    runs: Iterable[PlannedRun], folder: Path, workers: int, done: Done, *, work: Work = results_in
 ) -> None:
     """Do runs on worker processes; `done` is called with each result, which is in a journal by then.
 
-    folder: of the journals; workers: how many processes; work: does a run, a function that can be imported
+    folder: of the journals; workers: how many processes; work: does a chunk, can be imported
     """
     if lost := _do(in_chunks(runs, workers), folder, workers, done, work):
         there = {result["id"]: result for result in results_of(folder, [run.id for run in lost])}
@@ -57,6 +57,6 @@ def _begin(folder: Path, work: Work) -> Callable[[Chunk], list[dict[str, Any]]]:
     journal, fields = Journal(folder, f"worker-{os.getpid()}"), KeptFields()
 
     def journaled(chunk: Chunk) -> list[dict[str, Any]]:
-        return [journal.add(result) for result in results_in(chunk, fields, work)]
+        return [journal.add(result) for result in work(chunk, fields)]
 
     return journaled

@@ -53,7 +53,7 @@ DIGITS = 4  # of fitted parameters, so that the last bits of a linear algebra li
 STEPS, ENOUGH = 40, 1e-3  # of expectation maximisation: at most; less log-likelihood a run is no gain
 HALVINGS = 12  # of the power of tempered weights: to 1 / 4096
 NO_MASS, JUST_BELOW = 1e-9, 1e-12  # added to the share of a component; margins below 0 by less count as kept
-# What a probability is told from
+# What a probability is computed from
 Z_95 = 1.96  # standard deviations of a normal variable that hold 95 %
 ESS_LEAST = 30.0  # effective failures (as ESS of importance weights: 30 make a mean nearly normal)
 OVERLOOKED_MOST = 0.2  # of the probability that may lie outside the regions that the search found
@@ -291,9 +291,12 @@ def _maximised(places: F64, share: F64, sure: float, count: int) -> Mixture:
 
 @dataclass(frozen=True)
 class Rate:
-    """What the last round shows. runs, failures: of it; value: probability of failure, with its interval of
-    95 %; ess: effective failures; overlooked: share of the value from failures outside the regions that the
-    search found.
+    """What the last round shows.
+
+    runs, failures: of it
+    value: probability of failure, with its interval of 95 %
+    ess: effective failures
+    overlooked: share of the value from failures outside the regions that the search found
     """
 
     runs: int
@@ -311,7 +314,7 @@ class Rate:
 
     @property
     def half_width(self) -> float:
-        """Of the interval, as a share of the value."""
+        """Half width of the interval, as a share of the value."""
         return 0.5 * (self.high - self.low) / self.value if self.value > 0.0 else np.inf
 
 

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets
+from swath.terminal.options import add_folder, add_sets, option
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 
@@ -14,19 +14,15 @@ def add(verbs: Any) -> None:
     search = verbs.add_parser(
         "search", help="search the boundary of failure within the parameter ranges of a case"
     )
-    search.add_argument("case", help="a case file or a bundled case; parameters with a range are searched")
+    option(search, "case", "a case file or a bundled case; parameters with a range are searched")
     add_folder(search, "search", text="folder of the results", alone=False)
-    search.add_argument("--limit", default="", metavar="NAME", help="only this limit (default: all together)")
-    search.add_argument("--budget", type=int, default=64, metavar="N", help="runs in total (default 64)")
-    search.add_argument("--batch", type=int, default=4, metavar="N", help="runs per round (default 4)")
+    option(search, "--limit NAME", "only this limit (default: all together)", "")
+    option(search, "--budget N", "runs in total", 64)
+    option(search, "--batch N", "runs per round", 4)
     add_sets(search, "of every scenario")
-    search.add_argument(
-        "--check", type=Path, metavar="DIR", help="other results of the case, to check the boundary against"
-    )
-    search.add_argument(
-        "--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: cores)"
-    )
-    search.add_argument("--cluster", default="", metavar="WHERE", help=CLUSTER)
+    option(search, "--check DIR", "other results of the case, to check the boundary against", type=Path)
+    option(search, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
+    option(search, "--cluster WHERE", CLUSTER, "")
     search.set_defaults(run=_search)
 
 

@@ -10,10 +10,10 @@ from swath.report.chart import Chart
 from swath.report.html import Beside, Facts, Html, Section, Table, bar, element, joined, write_page
 from swath.tools.function_test.boundary import Boundary
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.page import AGAIN, more
+from swath.tools.function_test.page import failures, point_text
 from swath.tools.function_test.search import Searched
 
-SIDE, BINS = 220.0, 22  # of a map [px], squares along it
+SIDE, BINS = 270.0, 22  # of a map [px], squares along it
 FAILED_MAX = 60  # runs in the list
 PARAMETERS = ("parameter", "key", "range", "alone", "with all that it acts with")
 ABOUT_MAPS = (
@@ -29,7 +29,7 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
     """Write the page. checked: runs of another test that the boundary foretells right, of how many."""
     boundary, count = found.boundary, len(found.results)
     failed = [result for result in found.judged if result["verdict"] != "pass"]
-    rows = [_row(result, margin) for result, margin in _nearest_first(found, failed)][:FAILED_MAX]
+    rows = [(run, f"{margin:+.2f}") for run, margin in _nearest_first(found, failed)][:FAILED_MAX]
     maps = [_map(found, boundary, x, y) for x, y in combinations(range(len(found.ranges)), 2)]
     sensitivities = [
         [name, element("code", found.case.file.vary[name].key), "{:g} to {:g}".format(*ends), _index(first),
@@ -39,8 +39,7 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
     sections = [
         Section("Where runs pass", [Beside(maps or [_line(found, boundary)]), ABOUT_MAPS]),
         Table("What matters", PARAMETERS, sensitivities, text=ABOUT_SHARES),
-        Table("Failed runs, nearest to the boundary first", ["point", "run", "margin", "reason"], rows, (2,),
-              f"{more(len(failed), len(rows))} {AGAIN}"),
+        failures("Failed runs, nearest to the boundary first", "margin", rows, len(failed)),
     ]  # fmt: skip
     limit = found.search.limit or "all limits together"
     return write_page(
@@ -92,7 +91,7 @@ def _line(found: Searched, boundary: Boundary) -> Chart:
 
 def _with_runs(made: Chart, found: Searched, boundary: Boundary, x: Any, y: Any) -> Chart:
     for a, b, margin, result in zip(x, y, boundary.margins, found.judged, strict=True):
-        title = f"{_point(result)}: margin {margin:+.2f}"
+        title = f"{point_text(result['point'], result['seed'])}: margin {margin:+.2f}"
         if margin >= 0.0:
             made.dot(float(a), float(b), "on", title)
         else:
@@ -108,12 +107,3 @@ def _axis(found: Searched, number: int) -> tuple[str, str, str]:
 def _nearest_first(found: Searched, failed: Sequence[Result]) -> list[tuple[Result, float]]:
     margins = found.margins(failed)
     return sorted(zip(failed, map(float, margins), strict=True), key=lambda pair: (-pair[1], pair[0]["id"]))
-
-
-def _row(result: Result, margin: float) -> list[object]:
-    return [_point(result), element("code", result["id"][:8]), f"{margin:+.2f}", result["reason"]]
-
-
-def _point(result: Result) -> str:
-    values = ", ".join(f"{name} {value}" for name, value in result["point"].items())
-    return f"{values}, seed {result['seed']}"

@@ -19,7 +19,7 @@ from swath.documents.text_file import read_text
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
-from swath.tools.function_test.in_step import in_chunks, results_in
+from swath.tools.function_test.in_step import in_chunks
 from swath.tools.function_test.journal import (
     CHANGED,
     PLAN,
@@ -35,7 +35,7 @@ from swath.tools.function_test.journal import (
     write_rows,
 )
 from swath.tools.function_test.judged import PresentLimits, in_shadow
-from swath.tools.function_test.one_run import do_run
+from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
 from swath.tools.function_test.pool import Done, run_all
 
@@ -77,8 +77,8 @@ class Session:
         return {row["id"] for row in named} & finished(self.journals)
 
     def put_aside(self) -> None:
-        """Move the results into a folder of their own, where they are told, judged and compared as before;
-        runs that the next plan has, too, are found there and here.
+        """Move the results into a folder of their own, where they are reported, judged and compared as
+        before; runs that the next plan has, too, are found there and here.
         """
         folder = no_link(self.folder / EARLIER)
         aside = own_folder(folder / str(1 + len(list(folder.glob("*")))))
@@ -143,7 +143,7 @@ class Session:
         journal, fields = Journal(self.journals, f"share-{share}-of-{of}"), KeptFields()
         mine = (run for run in self.left() if int(run.id, 16) % of == share - 1)
         for chunk in in_chunks(mine, 1):
-            for result in results_in(chunk, fields, do_run):
+            for result in results_in(chunk, fields):
                 done(journal.add(result))
         journal.close()
 

@@ -17,7 +17,7 @@ from swath.runtime.hooks import ActiveRun, RunHook
 
 SUMMARY = "steering"
 CLASS_M, CLASS_COUNT = 0.01, 100  # the last class takes what is beyond
-HELD = 0.95  # share that lies up to the class that is told
+HELD = 0.95  # share that lies up to the class that is reported
 
 
 class SteeringHook(RunHook):
@@ -32,8 +32,8 @@ class SteeringHook(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """`steering`: of all machines with a header together; nothing without one."""
-        told = [classes_of(judge) for judge in self._judges if judge.metrics()]
-        return {SUMMARY: pooled(told)} if told else {}
+        classes = [classes_of(judge) for judge in self._judges if judge.metrics()]
+        return {SUMMARY: pooled(classes)} if classes else {}
 
 
 def classes_of(judge: LateralError) -> dict[str, Any]:

@@ -16,7 +16,7 @@ most.
 from math import ceil, log
 from typing import Any
 
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 
 SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED = "shown", "broken", "not shown", "not judged"
 VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED)
@@ -40,12 +40,12 @@ def verdict(passed: int, count: int, rate: float, confidence: float, *, is_compl
 
 def lower_bound(passed: int, count: int, confidence: float) -> float:
     """One-sided lower limit of the rate (Clopper & Pearson)."""
-    return 0.0 if passed == 0 else float(_scipy().beta.ppf(1.0 - confidence, passed, count - passed + 1))
+    return 0.0 if passed == 0 else float(scipy_stats().beta.ppf(1.0 - confidence, passed, count - passed + 1))
 
 
 def upper_bound(passed: int, count: int, confidence: float) -> float:
     """One-sided upper limit of the rate (Clopper & Pearson)."""
-    return 1.0 if passed == count else float(_scipy().beta.ppf(confidence, passed + 1, count - passed))
+    return 1.0 if passed == count else float(scipy_stats().beta.ppf(confidence, passed + 1, count - passed))
 
 
 def needed(rate: float, confidence: float) -> int:
@@ -69,7 +69,7 @@ def log_capital(passed: int, count: int, rate: float, *, is_for: bool) -> float:
 
 def _log_share(a: float, b: float, rate: float, is_above: bool) -> float:
     """Logarithm of the share of a beta density above a rate, or below it."""
-    beta = _scipy().beta
+    beta = scipy_stats().beta
     return float(beta.logsf(rate, a, b) if is_above else beta.logcdf(rate, a, b))
 
 
@@ -86,9 +86,8 @@ def describe(passed: int, count: int, rate: float, confidence: float, result: st
     return text
 
 
-def _scipy() -> Any:
-    try:
+def scipy_stats() -> Any:
+    """The module. MissingExtra without scipy."""
+    with Extra("test", "swath test"):
         from scipy import stats
-    except ImportError:
-        raise MissingExtra("test", "swath test") from None
     return stats

@@ -66,7 +66,7 @@ def open_bag(path: Path, wanted: Wanted) -> Source:
             track, body = _track(reader, poses, context)
     except InputError as error:
         raise InputError(poses, error.value, error.expected, file=path) from error
-    frame, told = frame_of(first), dict(context.notes)
+    frame, notes = frame_of(first), dict(context.notes)
     is_world = frame in WORLD and wanted.mount is None
     context.notes.clear()
     mounting = wanted.mount or (
@@ -76,7 +76,7 @@ def open_bag(path: Path, wanted: Wanted) -> Source:
 
     def sweeps() -> Iterator[Echoes]:
         source.notes.clear()
-        source.notes.update(told)
+        source.notes.update(notes)
         return _sweeps(reader, scans, source, wanted, replace(context, notes=source.notes).again(), body)
 
     source.sweeps = sweeps

@@ -38,9 +38,12 @@ class Settings:
 
     fill_m: a cell counts as measured when there is an echo this near
 
-    per_cell: heights that are kept of one cell; reach_m: echoes further from the way are left out
-    ground: where the wheels stood (`pose`), or that corrected by the lowest `echoes`; seed: of the choice
-    passing: correct for the beams that went through a cell without an echo; grounds: what counts as ground
+    per_cell: heights that are kept of one cell
+    reach_m: echoes further from the way are left out
+    ground: where the wheels stood (`pose`), or that corrected by the lowest `echoes`
+    seed: of the choice
+    passing: correct for the beams that went through a cell without an echo
+    grounds: what counts as ground
     """
 
     cell_m: float = 0.05
@@ -144,8 +147,8 @@ def _gather(
     counts["echoes"] = gatherer.echo_count
     if gatherer.echo_count == 0:
         what = ", ".join(f"{k.replace('_', ' ')} {n}" for k, n in counts.items() if n) or "no scan"
-        told = "; ".join((f"expected echoes near the path; found {what}", *source.notes))
-        raise InputError("source", source.name, told)
+        expected = "; ".join((f"expected echoes near the path; found {what}", *source.notes))
+        raise InputError("source", source.name, expected)
     return gatherer.finish(), {**counts, "notes": dict(source.notes)}
 
 

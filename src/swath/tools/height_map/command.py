@@ -4,40 +4,32 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.terminal.options import option
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verb."""
     parser = parsers.add_parser("height-map", help="recorded scans become a map of crop heights")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     made = verbs.add_parser("build", help="make a map from recorded scans", description=_DESCRIPTION)
-    made.add_argument("source", type=Path, metavar="SOURCE", help="run folder, .mcap, rosbag, .npz or .csv")
-    made.add_argument("--out", type=Path, required=True, metavar="FILE.npz", help="the file to make")
-    made.add_argument("--scans", metavar="TOPIC", help="topic of the scans")
-    made.add_argument("--poses", metavar="TOPIC|CSV", help="topic of the poses, or a table of them")
-    made.add_argument(
-        "--mount",
-        metavar="X,Y,Z,ROLL,PITCH,YAW",
-        help="where the scanner sits [m, deg], seen from the poses (default: from /tf_static, or 0)",
+    option(made, "source SOURCE", "run folder, .mcap, rosbag, .npz or .csv", type=Path)
+    option(made, "--out FILE.npz", "the file to make", type=Path, required=True)
+    option(made, "--scans TOPIC", "topic of the scans")
+    option(made, "--poses TOPIC|CSV", "topic of the poses, or a table of them")
+    option(
+        made,
+        "--mount X,Y,Z,ROLL,PITCH,YAW",
+        "where the scanner sits [m, deg], seen from the poses (default: from /tf_static, or 0)",
     )
-    made.add_argument(
-        "--field",
-        type=Path,
-        metavar="DIR",
-        help="field folder whose local metres GNSS fixes are converted to",
+    option(made, "--field DIR", "field folder whose local metres GNSS fixes are converted to", type=Path)
+    option(
+        made,
+        "--origin LAT,LON[,HEIGHT]",
+        "without --field: origin of the local metres [deg, m] (default: the first fix)",
     )
-    made.add_argument(
-        "--origin",
-        metavar="LAT,LON[,HEIGHT]",
-        help="without --field: origin of the local metres [deg, m] (default: the first fix)",
-    )
-    made.add_argument(
-        "--antenna", metavar="X,Y,Z", help="where the receiver sits on the machine [m] (default: 0,0,0)"
-    )
-    made.add_argument(
-        "--ground",
-        choices=("pose", "echoes"),
-        default="pose",
-        help="ground from the poses alone, or corrected by the lowest echoes",
+    option(made, "--antenna X,Y,Z", "where the receiver sits on the machine [m] (default: 0,0,0)")
+    option(
+        made, "--ground", "ground from the poses alone, or corrected by the lowest echoes", ("pose", "echoes")
     )
     for key, unit, text in (
         ("cell", "M", "side of a cell [m] (default 0.05)"),
@@ -49,8 +41,8 @@ def add(parsers: Any) -> None:
         ("range-max", "M", "larger ranges are no echo [m] (default 200)"),
     ):
         made.add_argument(f"--{key}-m", type=float, metavar=unit, help=text)
-    made.add_argument("--per-cell", type=int, metavar="N", help="heights kept per cell (default 32)")
-    made.add_argument("--picture", type=Path, metavar="PNG", help="the picture (default: beside the file)")
+    option(made, "--per-cell N", "heights kept per cell (default 32)", type=int)
+    option(made, "--picture PNG", "the picture (default: beside the file)", type=Path)
     made.set_defaults(run=run_build)
 
 

@@ -63,8 +63,10 @@ def ground_of_poses(track: PoseTrack, x: Array, y: Array, params: Params = USUAL
 
 def _planes(track: PoseTrack, step: float) -> tuple[Array, Array]:
     """Points (n, 3) and slopes (n, 2) of the ground every `step` [m] of way."""
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track.position[:, :2], axis=0).T))])
-    index = np.unique(np.searchsorted(way, np.arange(0.0, way[-1] + step, step)).clip(max=len(way) - 1))
+    distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track.position[:, :2], axis=0).T))])
+    index = np.unique(
+        np.searchsorted(distance, np.arange(0.0, distance[-1] + step, step)).clip(max=len(distance) - 1)
+    )
     up = rotation_matrices(*track.angle[index].T)[:, :, 2]
     steep = np.abs(up[:, 2]) < 0.5
     slope = np.where(steep[:, None], 0.0, -up[:, :2] / np.where(steep, 1.0, up[:, 2])[:, None])

@@ -24,8 +24,10 @@ FLATTEST = 0.18  # tan of 10 deg: flatter beams count as if they fell this steep
 class Passing:
     """Times that beams went through the layers of a range of columns.
 
-    first, count: columns; row, row_count: rows; top: highest height there [m]; layer [m]; times: (row_count,
-    count, layers), 1 = one beam through the whole of it
+    first, count: columns
+    row, row_count: rows
+    top: highest height there [m]; layer [m]; times: (row_count, count, layers), 1 = one beam through the
+        whole of it
     """
 
     def __init__(self, first: int, count: int, row: int, row_count: int, top: float) -> None:
@@ -49,12 +51,12 @@ class Passing:
         low = np.minimum(echoes.points[:, 0], echoes.sensor[:, 0])
         high = np.maximum(echoes.points[:, 0], echoes.sensor[:, 0])
         here = np.flatnonzero((far > 1e-6) & (high >= first) & (low < after))
-        way = back[here] / far[here, None]
-        flat = np.hypot(way[:, 0], way[:, 1])
-        steep = np.abs(way[:, 2])
+        direction = back[here] / far[here, None]
+        flat = np.hypot(direction[:, 0], direction[:, 1])
+        steep = np.abs(direction[:, 2])
         step = 0.5 * np.minimum(frame.cell / np.maximum(flat, 0.05), self.layer / np.maximum(steep, 0.05))
         weight = np.maximum(steep, FLATTEST * flat) * step / self.layer
-        at = echoes.points[here] + 0.5 * step[:, None] * way
+        at = echoes.points[here] + 0.5 * step[:, None] * direction
         left = far[here] - 0.5 * step
         rows, columns, layers = self.times.shape
         flat_times = self.times.reshape(-1)
@@ -67,9 +69,9 @@ class Passing:
             inside = (c >= 0) & (c < columns) & (r >= 0) & (r < rows) & (k < layers)
             index = (r[inside] * columns + c[inside]) * layers + k[inside]
             np.add.at(flat_times, index, weight[inside].astype(np.float32))
-            on = (left > step) & ((height < top) | (way[:, 2] < 0.0))
-            at, way, step, weight, left = at[on], way[on], step[on], weight[on], left[on]
-            at = at + step[:, None] * way
+            on = (left > step) & ((height < top) | (direction[:, 2] < 0.0))
+            at, direction, step, weight, left = at[on], direction[on], step[on], weight[on], left[on]
+            at = at + step[:, None] * direction
             left = left - step
 
     def pooled(self, row: int, column: int, shape: tuple[int, int], along: int, across: int) -> Array:

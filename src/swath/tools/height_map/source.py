@@ -52,7 +52,8 @@ class Echoes:
 class Source:
     """name: for messages; track: of the machine (or of the sensor itself); mounting: pose_machine_sensor.
 
-    sweeps: starts a new pass through the echoes; notes: what was left out, grows while reading
+    sweeps: starts a new pass through the echoes
+    notes: what was left out, grows while reading
     frame_is_world: points are in the map already
     """
 
@@ -73,7 +74,8 @@ class Source:
 class Wanted:
     """What the user says about a source; None = find out.
 
-    scans, poses: topics; mount: pose_machine_sensor
+    scans, poses: topics
+    mount: pose_machine_sensor
     range_min, range_max [m]: other ranges are no echo
     to_local: longitude, latitude, height to local metres, None = the plane at the first fix
     antenna: x, y, z of the receiver on the machine [m], None = by /tf_static
@@ -120,15 +122,15 @@ def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
                 far = silent[part] | (ranges[part] > wanted.range_max)
                 good = ~far & (ranges[part] >= wanted.range_min)
             row, beam = np.nonzero(good)
-            free, way = np.nonzero(far)
+            free, side = np.nonzero(far)
             yield Echoes(
                 time[part][row] + late[beam],
                 polar_points(ranges[part][row, beam], angle[beam], elevation[beam]),
                 intensity[part][row, beam],
                 good.size - len(row),
                 len(good),
-                polar_points(np.full(len(way), wanted.range_max), angle[way], elevation[way]),
-                time[part][free] + late[way],
+                polar_points(np.full(len(side), wanted.range_max), angle[side], elevation[side]),
+                time[part][free] + late[side],
             )
 
     return Source(path.name, track, wanted.mount or Pose.identity(), sweeps)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, former
+from swath.terminal.options import add_folder, add_sets, former, option
 
 
 def add(parsers: Any) -> None:
@@ -15,35 +15,22 @@ def add(parsers: Any) -> None:
         "stand", help="measured heights by density, scanner and view", description=_DESCRIPTION
     )
     add_folder(made, "lab", "lab.csv", "report.html")
-    made.add_argument(
-        "--stems-per-m2", nargs="+", type=float, metavar="N", help="density of the stands (default 200 600)"
-    )
-    made.add_argument("--sensor", nargs="+", metavar="NAME", help="scanners (default: LMS511 HR and SR)")
-    made.add_argument(
-        "--depression-deg",
+    option(made, "--stems-per-m2 N", "density of the stands (default 200 600)", nargs="+", type=float)
+    option(made, "--sensor NAME", "scanners (default: LMS511 HR and SR)", nargs="+")
+    option(
+        made,
+        "--depression-deg DEG",
+        "angle of the middle beam below the horizontal (default 15 30 45 60)",
         nargs="+",
         type=float,
-        metavar="DEG",
-        help="angle of the middle beam below the horizontal (default 15 30 45 60)",
     )
-    made.add_argument("--crop", default="wheat", metavar="NAME|FILE", help="crop (default wheat)")
-    made.add_argument(
-        "--crop-height-m",
-        type=float,
-        metavar="M",
-        help="height of the crop (default: that of its data sheet)",
-    )
-    made.add_argument("--real", type=Path, metavar="FILE", help="heights measured in the field (CSV)")
-    made.add_argument("--levels", nargs="+", metavar="LEVEL", help="LiDAR levels to compare (default: all)")
-    made.add_argument("--seeds", type=int, default=5, metavar="N", help="stands per case (default 5)")
-    made.add_argument("--seed", type=int, default=1, metavar="N", help="first of the seeds (default 1)")
-    made.add_argument(
-        "--distance-m",
-        type=float,
-        default=5.0,
-        metavar="M",
-        help="to the crop along the middle beam (default 5)",
-    )
+    option(made, "--crop NAME|FILE", "crop", "wheat")
+    option(made, "--crop-height-m M", "height of the crop (default: that of its data sheet)", type=float)
+    option(made, "--real FILE", "heights measured in the field (CSV)", type=Path)
+    option(made, "--levels LEVEL", "LiDAR levels to compare (default: all)", nargs="+")
+    option(made, "--seeds N", "stands per case", 5)
+    option(made, "--seed N", "first of the seeds", 1)
+    option(made, "--distance-m M", "to the crop along the middle beam", 5.0)
     add_sets(made, "a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times")
     former(made, crop_height_m="--height", stems_per_m2="--density")
     made.set_defaults(run=run_stand)

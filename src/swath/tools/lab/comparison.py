@@ -2,7 +2,7 @@
 
 The repeatability band of a level: its heights in one stand against those in another of the same kind, under
 another scanner of the same make, for every pair of seeds; the worst of every number. A difference within the
-band cannot be told from chance. Beyond it the limits GOOD and FAIR apply.
+band cannot be distinguished from chance. Beyond it the limits GOOD and FAIR apply.
 """
 
 from collections.abc import Sequence
@@ -32,8 +32,10 @@ FEW = 30  # with fewer returns nothing is compared
 class LevelComparison:
     """One level of a case against something trusted more.
 
-    against: `real`, or the reference level; value: mean over the seeds
-    band: what repeatability allows, as the size of the deviation; ratings: of each number in RATED
+    against: `real`, or the reference level
+    value: mean over the seeds
+    band: what repeatability allows, as the size of the deviation
+    ratings: of each number in RATED
     """
 
     level: str
@@ -102,7 +104,7 @@ def _compare(level: str, against: str, found: Sequence[Agreement], band: dict[st
 
 
 def rating_of(number: str, value: float, band: float) -> str:
-    """One of RATINGS."""
+    """Rating, one of RATINGS."""
     size = deviation(number, value)
     for rating, limit in (
         ("repeatable", band),

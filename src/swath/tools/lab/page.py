@@ -87,7 +87,7 @@ ABOUT_HEIGHTS = (
     "the constant range error of the instance are included. Each seed is another stand of the same kind "
     "under another scanner of the same make; all levels see the same stands from the same places.",
     "Repeatability: the heights of one seed against those of another, for every pair of seeds, the worst "
-    "of each number. A smaller difference cannot be told from chance.",
+    "of each number. A smaller difference cannot be distinguished from chance.",
 )
 ABOUT_REAL = (
     "No real heights were given. The comparisons show how far the levels agree with each other, not with "

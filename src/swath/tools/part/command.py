@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets
+from swath.terminal.options import add_folder, add_sets, option
 
 USUAL = "straight"
 
@@ -15,18 +15,13 @@ FILES = ("inputs.csv", "outputs.csv")
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("part", help="one slot of a scenario on its own", description=_DESCRIPTION)
-    parser.add_argument("slot", metavar="SLOT", help="combine.process, or process where there is one machine")
-    parser.add_argument(
-        "--input",
-        type=Path,
-        metavar="X.csv|RUN",
-        help="its inputs: a table, or a run; without it, print the columns",
+    option(parser, "slot SLOT", "combine.process, or process where there is one machine")
+    option(
+        parser, "--input X.csv|RUN", "its inputs: a table, or a run; without it, print the columns", type=Path
     )
-    parser.add_argument(
-        "--scenario", metavar="NAME|FILE", help=f"scenario of the slot (default: that of RUN, else {USUAL})"
-    )
-    told = "folder for inputs.csv and outputs.csv"
-    add_folder(parser, "part", *FILES, text=told, required=False, alone=False)
+    option(parser, "--scenario NAME|FILE", f"scenario of the slot (default: that of RUN, else {USUAL})")
+    help_ = "folder for inputs.csv and outputs.csv"
+    add_folder(parser, "part", *FILES, text=help_, required=False, alone=False)
     add_sets(parser)
     parser.set_defaults(run=run)
 
@@ -83,11 +78,11 @@ def _print_columns(part: Any) -> None:
     from swath.tools.part.table import TIME, columns_of
 
     rows = [(TIME, "in", "s", "time from the start of the run", "")]
-    for way, ports in (("in", part.ports), ("out", part.given)):
+    for direction, ports in (("in", part.ports), ("out", part.given)):
         for name, (output, field) in columns_of(part, ports).items():
-            is_needed = way == "in" and field.default is None
+            is_needed = direction == "in" and field.default is None
             need = "" if not is_needed else "needed" if output in part.needed else "with its output"
-            rows.append((name, way, field.unit, field.quantity.meaning, need))
+            rows.append((name, direction, field.unit, field.quantity.meaning, need))
     table("", ("column", "", "unit", "what it is", ""), rows)
 
 

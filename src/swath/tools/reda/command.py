@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_folder, former
+from swath.terminal.options import add_folder, former, option
 
 _DESCRIPTION = """A person on a grid of places before and behind a crop edge, seen by a LiDAR, two radars and
 a camera, for every combination of crop height, density and weather: maps of the share of looks that detect
@@ -17,53 +17,25 @@ def add(parsers: Any) -> None:
         "reda", help="where sensors detect a person in crop", description=_DESCRIPTION
     )
     add_folder(parser, "result", "reda.part.jsonl", "reda.csv", "scores.csv", "report.html", "reda-*.png")
-    parser.add_argument(
-        "--crop-height-m", nargs="+", type=float, metavar="M", help="height of the crop (default 0.6 0.85)"
-    )
-    parser.add_argument(
-        "--stems-per-m2", nargs="+", type=float, metavar="N", help="density of the stand (default 300 500)"
-    )
-    parser.add_argument("--weather", nargs="+", metavar="NAME", help="clear, dust or rain (default: all)")
-    parser.add_argument(
-        "--sensor",
+    option(parser, "--crop-height-m M", "height of the crop (default 0.6 0.85)", nargs="+", type=float)
+    option(parser, "--stems-per-m2 N", "density of the stand (default 300 500)", nargs="+", type=float)
+    option(parser, "--weather NAME", "clear, dust or rain (default: all)", nargs="+")
+    option(
+        parser,
+        "--sensor NAME",
+        "lidar, camera, or data sheets of radars (default: lidar, camera, two radars)",
         nargs="+",
-        metavar="NAME",
-        help="lidar, camera, or data sheets of radars (default: lidar, camera, two radars)",
     )
-    parser.add_argument(
-        "--target", default="person", choices=("person", "animal"), help="what to detect (default person)"
-    )
-    parser.add_argument(
-        "--target-height-m", type=float, metavar="M", help="its height (default: that of its data sheet)"
-    )
-    parser.add_argument("--crop", default="wheat", metavar="NAME|FILE", help="crop (default wheat)")
-    parser.add_argument(
-        "--moisture-percent",
-        type=float,
-        default=12.0,
-        metavar="PERCENT",
-        help="moisture of the straw (default 12)",
-    )
-    parser.add_argument(
-        "--camera-px", type=int, default=1280, metavar="N", help="width of the camera picture (default 1280)"
-    )
-    parser.add_argument(
-        "--camera-least-px",
-        type=float,
-        default=40.0,
-        metavar="N",
-        help="pixels that a detector needs on the target (default 40)",
-    )
-    parser.add_argument(
-        "--least",
-        type=float,
-        default=0.9,
-        metavar="SHARE",
-        help="share of looks from which a place counts as covered (default 0.9)",
-    )
-    parser.add_argument("--repeats", type=int, default=2, metavar="N", help="persons per place (default 2)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed (default 1)")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: cores)")
+    option(parser, "--target", "what to detect", ("person", "animal"))
+    option(parser, "--target-height-m M", "its height (default: that of its data sheet)", type=float)
+    option(parser, "--crop NAME|FILE", "crop", "wheat")
+    option(parser, "--moisture-percent PERCENT", "moisture of the straw", 12.0)
+    option(parser, "--camera-px N", "width of the camera picture", 1280)
+    option(parser, "--camera-least-px N", "pixels that a detector needs on the target", 40.0)
+    option(parser, "--least SHARE", "share of looks from which a place counts as covered", 0.9)
+    option(parser, "--repeats N", "persons per place", 2)
+    option(parser, "--seed N", "seed", 1)
+    option(parser, "--workers N", "processes (default: cores)", type=int)
     former(parser, crop_height_m="--height", stems_per_m2="--density")
     parser.set_defaults(run=run)
 

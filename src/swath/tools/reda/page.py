@@ -26,8 +26,8 @@ def map_figure(found: Found, settings: Settings) -> Any:
     for ax, name in zip(panels, names, strict=True):
         image = _panel(ax, found.cells[name], is_first=ax is panels[0])
         scores = found.scores(name, settings.least)
-        told = f"usable {scores.usability:.2f}  available {scores.availability:.2f}"
-        ax.set_title(f"{name}\n{told}  reliable {scores.reliability:.2f}", loc="left", fontsize=9)
+        scores_text = f"usable {scores.usability:.2f}, available {scores.availability:.2f}"
+        ax.set_title(f"{name}\n{scores_text},\nreliable {scores.reliability:.2f}", loc="left", fontsize=9)
         ax.set_xlabel("aside [m]")
     panels[0].set_ylabel("ahead of the sensors [m]")
     fig.colorbar(image, ax=panels, shrink=0.75, label="share of looks that detect the person")
@@ -48,8 +48,8 @@ def _panel(ax: Any, cells: list[Cell], *, is_first: bool) -> Any:
         ax.text(-cell.aside, EDGE_M + cell.inside, text, ha="center", va="center", color=colour, fontsize=9)
     ax.axhline(EDGE_M, color=CROP, lw=3.0)
     if is_first:
-        told = {"color": INK, "fontsize": 9, "va": "center", "ha": "right"}
-        ax.annotate("crop begins", (columns[0], EDGE_M), (-26, 0), textcoords="offset points", **told)
+        style = {"color": INK, "fontsize": 9, "va": "center", "ha": "right"}
+        ax.annotate("crop begins", (columns[0], EDGE_M), (-26, 0), textcoords="offset points", **style)
     ax.plot(0.0, 0.6, marker="^", color=INK, ms=9, clip_on=False)
     ax.set_ylim(0.0, rows[-1])
     ax.grid(visible=False)
@@ -105,7 +105,7 @@ def write_all(out: Path, settings: Settings, found: list[Found]) -> list[Path]:
 
 
 def score_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
-    """Of SCORE_HEAD, one per condition and sensor."""
+    """Rows under SCORE_HEAD, one per condition and sensor."""
     rows: list[tuple[str, ...]] = []
     for made in found:
         for name in made.cells:

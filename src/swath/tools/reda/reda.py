@@ -29,7 +29,7 @@ class Found:
     asked: dict[tuple[str, float], Cell]
 
     def scores(self, sensor: str, least: float) -> Scores:
-        """Of a sensor."""
+        """Scores of a sensor."""
         return scores_of(self.cells[sensor], least)
 
 
@@ -113,7 +113,7 @@ def _measured(settings: Settings, condition: Condition) -> Found | SwathError:
 
 
 def measure(settings: Settings, condition: Condition) -> Found:
-    """One condition."""
+    """Measure one condition."""
     scene = Scene(settings, condition)
     cells: dict[str, list[Cell]] = {}
     asked: dict[tuple[str, float], Cell] = {}

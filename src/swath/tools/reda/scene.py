@@ -3,7 +3,7 @@
 After REDA, a person on a grid of places under changing conditions (doi:10.3390/s22155745); the places, crop
 and weather here are our own.
 
-Of each sensor is counted how often it tells of a person at a place, and of one that is not there.
+Of each sensor is counted how often it reports a person at a place, and of one that is not there.
 """
 
 from collections.abc import Iterator
@@ -74,11 +74,17 @@ class Condition:
 class Settings:
     """heights [m], densities [stems/m2], weathers: every combination is a condition.
 
-    sensors: of SENSORS; target: a kind of `data/obstacles/`; target_height: None = its sheet's
-    low_height: of the same one lower, for the table alone [m]; crop: sheet; moisture: of the straw [%]
-    camera_px: width of the picture; camera_least_px: height of what is seen of the person that a detector
-    needs; least: share of looks from which on a place counts as covered
-    repeats: at each place, within 0.3 m; looks: of a radar at each of them
+    sensors: of SENSORS
+    target: a kind of `data/obstacles/`
+    target_height: None = its sheet's
+    low_height: of the same one lower, for the table alone [m]
+    crop: sheet
+    moisture: of the straw [%]
+    camera_px: width of the picture
+    camera_least_px: height of what is seen of the person that a detector needs
+    least: share of looks from which on a place counts as covered
+    repeats: at each place, within 0.3 m
+    looks: of a radar at each of them
     """
 
     heights: tuple[float, ...] = (0.6, 0.85)
@@ -124,7 +130,7 @@ class Settings:
                 raise InputError(key, " ".join(names), "expected each only once")
 
     def conditions(self) -> list[Condition]:
-        """All of them, the weather last."""
+        """All conditions, the weather last."""
         return [Condition(*values) for values in product(self.heights, self.densities, self.weathers)]
 
 
@@ -171,7 +177,7 @@ class Scene:
 
 
 def places() -> Iterator[tuple[float, float]]:
-    """All of the grid, (inside, aside) [m]."""
+    """All places of the grid, (inside, aside) [m]."""
     return product(INSIDE, ASIDE)
 
 
@@ -398,10 +404,10 @@ class CameraSensor:
 
 
 def _why(echo: float, loss: float, clutter: float) -> str:
-    told = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, clutter {clutter:.0f} dB"
+    text = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, clutter {clutter:.0f} dB"
     if echo < SEEN_FROM:
-        return told + (": lost in the crop" if echo + loss > SEEN_FROM else ": too weak")
-    return told + (": crop and ground are as strong" if echo - max(clutter, 0.0) < SEEN_FROM else "")
+        return text + (": lost in the crop" if echo + loss > SEEN_FROM else ": too weak")
+    return text + (": crop and ground are as strong" if echo - max(clutter, 0.0) < SEEN_FROM else "")
 
 
 def _decibel(power: float) -> float:

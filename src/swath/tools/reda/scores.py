@@ -36,7 +36,7 @@ class Scores:
 
     availability: share of all looks that detect the person
     reliability: lower end of the interval of 95 % of being right, over all looks with a person and without
-    (Wilson 1927)
+        (Wilson 1927)
     """
 
     usability: float
@@ -45,7 +45,7 @@ class Scores:
 
 
 def scores_of(cells: Sequence[Cell], least: float) -> Scores:
-    """Of all places of a condition."""
+    """Scores of all places of a condition."""
     net = [cell.net for cell in cells]
     right = mean([0.5 * (cell.detected + 1.0 - cell.false) for cell in cells])
     looks = 2 * sum(cell.looks for cell in cells)

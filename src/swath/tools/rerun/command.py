@@ -4,21 +4,21 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_replace, add_scenario_options
+from swath.terminal.options import add_replace, add_scenario_options, option
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("rerun", help="run a recording again", description=_DESCRIPTION)
-    parser.add_argument("source", type=Path, metavar="RUN", help="a run folder, or its run.mcap")
-    parser.add_argument(
-        "--slots",
-        metavar="LIST",
-        help="slots that play the log, e.g. combine.lidar,odometry (default: motion and all sensors)",
+    option(parser, "source RUN", "a run folder, or its run.mcap", type=Path)
+    option(
+        parser,
+        "--slots LIST",
+        "slots that play the log, e.g. combine.lidar,odometry (default: motion and all sensors)",
     )
     add_scenario_options(parser)
     add_replace(parser)
-    parser.add_argument("--quiet", action="store_true", help="print nothing but the folder of the run")
+    option(parser, "--quiet", "print nothing but the folder of the run")
     parser.set_defaults(run=run)
 
 

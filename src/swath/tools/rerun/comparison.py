@@ -18,7 +18,8 @@ ELSEWHEN = "was published at another time"
 class SlotComparison:
     """How one slot compares. sample_count: samples compared.
 
-    differs_at: time of the first difference [ns], None without one; what: its output and fields
+    differs_at: time of the first difference [ns], None without one
+    what: its output and fields
     digest, recorded: chained over the samples that were compared, here and in the recording
     """
 
@@ -71,7 +72,7 @@ class RecordingComparison(RunHook):
             if key in self._early:
                 compared.note(self._early.pop(key), f"{output} {ELSEWHEN}")
             if recorded[0] > t:  # a part's shorter last step where the run ends before the recorded one, or
-                self._early[key] = t  # a difference: the next sample, or the end, tells
+                self._early[key] = t  # a difference: the next sample, or the end, shows it
                 continue
             compared.sample_count += 1
             if recorded[0] < t:

@@ -4,26 +4,18 @@ import argparse
 import sys
 from typing import Any
 
-from swath.terminal.options import add_replace, add_scenario_options, load
+from swath.terminal.options import add_replace, add_scenario_options, load, option
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("scan", help="one scan of a scenario, as a picture and a file")
-    parser.add_argument("scenario", metavar="NAME|FILE", help="a bundled scenario, or a YAML file")
+    option(parser, "scenario NAME|FILE", "a bundled scenario, or a YAML file")
     add_scenario_options(parser)
     add_replace(parser)
-    parser.add_argument("--at-s", metavar="S", help="after S seconds of driving (default: where it starts)")
-    parser.add_argument(
-        "--format",
-        metavar="LIST",
-        help="what to write, of png,csv,npz,ply,las,laz (default: the first four)",
-    )
-    parser.add_argument(
-        "--camera",
-        action="store_true",
-        help="what the camera sees too; a scenario without one gets the default camera",
-    )
+    option(parser, "--at-s S", "after S seconds of driving (default: where it starts)")
+    option(parser, "--format LIST", "what to write, of png,csv,npz,ply,las,laz (default: the first four)")
+    option(parser, "--camera", "what the camera sees too; a scenario without one gets the default camera")
     parser.set_defaults(run=run)
 
 

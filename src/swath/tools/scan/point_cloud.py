@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath import __version__
-from swath.core.errors import MissingExtra
+from swath.core.errors import Extra
 from swath.core.frames import Pose
 from swath.core.whole_file import new_file, write_whole
 from swath.field.projection import Origin, known_crs
@@ -65,11 +65,9 @@ def write_ply(path: Path, cloud: Cloud) -> Path:
 
 def need_las() -> Any:
     """The module laspy. MissingExtra when it or its compression is not installed."""
-    try:
+    with Extra("las", "writing LAS and LAZ"):
         import laspy
         import lazrs  # noqa: F401
-    except ImportError as error:
-        raise MissingExtra("las", "writing LAS and LAZ") from error
     return laspy
 
 

@@ -22,7 +22,6 @@ from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.message_factory import RecordedMachine
 from swath.report import plots
 from swath.report.scan_sampler import KeptScan, ScanSampler
-from swath.report.stand3d import COLOURS, GROUND, Stand, stand_figure
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.folder import SCAN_FILES, SCAN_OF, scan_in, scan_of
@@ -33,6 +32,7 @@ from swath.scenario.slots import kind_of
 from swath.signals import F64, Image, Scan, ScanTruth, Signal
 from swath.signals.setup import MachineGeometry
 from swath.tools.scan.point_cloud import make_cloud, need_las, write_las, write_ply
+from swath.tools.scan.stand3d import COLOURS, GROUND, Stand, stand_figure
 
 FORMATS = ("png", "csv", "npz", "ply", "las", "laz")
 USUAL_FORMATS = FORMATS[:4]

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import former
+from swath.terminal.options import former, option
 
 
 def add(parsers: Any) -> None:
@@ -12,25 +12,17 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser(
         "yield-log", help="what a run harvested, as the yield log of a monitor", description=_DESCRIPTION
     )
-    parser.add_argument("run_folder", type=Path, metavar="RUN", help="a run folder")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="DIR|FILE.csv",
-        help="a CSV, or a folder for ISOXML task data",
+    option(parser, "run_folder RUN", "a run folder", type=Path)
+    option(parser, "--out DIR|FILE.csv", "a CSV, or a folder for ISOXML task data", type=Path, required=True)
+    option(parser, "--machine NAME", "which machine (default: the first that harvests)")
+    option(parser, "--interval-s S", "between records", 1.0)
+    option(
+        parser,
+        "--sensor-delay-s S",
+        "from the tank inlet to the sensor, added to the machine's own delay",
+        0.0,
     )
-    parser.add_argument("--machine", metavar="NAME", help="which machine (default: the first that harvests)")
-    parser.add_argument(
-        "--interval-s", type=float, default=1.0, metavar="S", help="between records (default 1)"
-    )
-    parser.add_argument(
-        "--sensor-delay-s", type=float, default=0.0, metavar="S",
-        help="from the tank inlet to the sensor, added to the machine's own delay (default 0)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--origin", metavar="LAT,LON", help="where a field without coordinates lies (default 52,9)"
-    )
+    option(parser, "--origin LAT,LON", "where a field without coordinates lies (default 52,9)")
     former(parser, origin="--at")
     parser.set_defaults(run=run)
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath import __version__
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.foreign_code import code_unread
 from swath.core.output_folder import held
 from swath.core.whole_file import write_whole
@@ -36,8 +36,13 @@ IDLE = 0.01  # kg/s below which nothing is cut
 class Records:
     """One entry per record, shape (n,). time [s] from the start; lat, lon [deg], height [m]; speed [m/s].
 
-    distance: since the record before [m]; flow: grain at the sensor [kg/s]; working: header in the crop.
-    width: of the header [m]; moisture: share of the wet mass; crop: data sheet; name: of the run.
+    distance: since the record before [m]
+    flow: grain at the sensor [kg/s]
+    working: header in the crop.
+    width: of the header [m]
+    moisture: share of the wet mass
+    crop: data sheet
+    name: of the run.
     """
 
     time: Array
@@ -56,7 +61,7 @@ class Records:
 
     @property
     def grain_kg(self) -> float:
-        """All that passed the sensor [kg]."""
+        """Grain that passed the sensor [kg]."""
         return float((self.flow * np.diff(self.time, prepend=0.0)).sum())
 
 
@@ -126,7 +131,7 @@ def records_of(
 
 
 def _origin(scenario: Scenario, at: tuple[float, float]) -> Origin:
-    """That of the field, else the place given."""
+    """Origin of the field, else the place given."""
     if scenario.field.folder is not None:
         return read_origin(scenario.field.folder)
     return stated_origin(scenario.field) or origin_at(*at)
@@ -177,7 +182,7 @@ CHANNELS = (
 )
 HARVESTER = 0xA00E_8000_FFE0_0000
 """NAME of ISO 11783-5: sets its own address, agriculture, harvester, its first function, maker not known; the
-last 21 bits tell machines apart."""
+last 21 bits distinguish machines."""
 STRUCTURE = b"SWATH01".hex().upper()
 LOCALIZATION = "FF000000406E65"  # English, decimal points, 24 h, metric (ISO 11783-7, language command)
 LONGEST_NAME = 32  # characters of a designator
@@ -217,11 +222,9 @@ def write_isoxml(log: Records, folder: Path) -> Path:
 
 def _task_data(log: Records) -> str:
     """TASKDATA.XML: one machine, one field of the size of the ground that was cut, its crop and one task."""
-    try:
+    with Extra("geo", "ISOXML task data"):
         from isoxml.models.base import v4 as iso
         from isoxml.util.isoxml_io import isoxml_to_text
-    except ImportError as error:
-        raise MissingExtra("geo", "ISOXML task data") from error
     name, machine = log.name[:LONGEST_NAME], log.machine[:LONGEST_NAME]
     client = (HARVESTER | zlib.crc32(log.machine.encode()) & 0x1F_FFFF).to_bytes(8, "big")
     first = 2  # object ids: the element is 1, then channels, then their presentations

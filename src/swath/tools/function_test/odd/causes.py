@@ -34,7 +34,8 @@ class Cause:
     """spans: buckets of its attributes; ends: of a box the least and largest value of each, of a cell ().
 
     counted, failed: runs drawn there, rest_counted, rest_failed: drawn elsewhere, of those that belong to no
-    stronger cause; p: of the contrast, after the correction
+        stronger cause
+    p: of the contrast, after the correction
     """
 
     spans: tuple[Span, ...]
@@ -202,7 +203,7 @@ def _narrowed(odd: Odd, values: F64, fails: Flags, box: _Box, k: int) -> _Box:
 
 
 def _log_likelihood(failed: F64, counted: F64) -> F64:
-    """Of the rate that fits best."""
+    """Log-likelihood of the rate that fits best."""
     passed = counted - failed
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = failed * np.log(failed / counted), passed * np.log(passed / counted)
@@ -262,8 +263,12 @@ def _text(odd: Odd, spans: Sequence[Span], ends: Sequence[tuple[float, float]] =
 
 @dataclass(frozen=True)
 class Explained:
-    """What the causes say of a broken cell. cause: of most of its failures, None where it has runs enough
-    outside of all causes and these break the claim, too; counted, failed: those runs; why: in words.
+    """What the causes say of a broken cell.
+
+    cause: of most of its failures, None where it has runs enough outside of all causes and these break the
+        claim, too
+    counted, failed: those runs
+    why: in words
     """
 
     cause: Cause | None

@@ -18,7 +18,7 @@ from swath.tools.function_test.odd.openodd import TAXONOMY, Domain, Value, read_
 FEWEST = 4  # buckets of a number: fewer put its ends and its usual values into one verdict
 UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW = "unbound", "out of range", "contradictory", "few buckets"
 NOT_SIMULATED, NOT_DRAWN = "not simulated", "not drawn"
-WRONG = (UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW)  # what has to be mended; the others are told
+WRONG = (UNBOUND, OUT_OF_RANGE, CONTRADICTORY, FEW)  # what has to be mended; the others are reported
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def check_file(path: Path) -> tuple[Domain, list[Finding]]:
 
 
 def check(odd: Odd) -> list[Finding]:
-    """Of a bound ODD."""
+    """Check a bound ODD."""
     bound = odd.file.attributes
     text = "the binding does not name it"
     found = [Finding(UNBOUND, name, text) for name in odd.domain.attributes if name not in bound]
@@ -95,14 +95,14 @@ def not_drawn(odd: Odd) -> list[Finding]:
 def _refused(odd: Odd) -> list[Finding]:
     """Values at the ends of the buckets that the scenario does not take."""
     middle = {a.name: a.value(a.count // 2, 0.5) for a in odd.axes}
-    if told := _error(odd, middle):
-        return [Finding(OUT_OF_RANGE, "", told)]
+    if problem := _error(odd, middle):
+        return [Finding(OUT_OF_RANGE, "", problem)]
     found = []
     for axis in odd.axes:
         for value in [axis.edges[0], axis.edges[-1]] if axis.edges else axis.labels:
-            if told := _error(odd, {**middle, axis.name: value}):
+            if problem := _error(odd, {**middle, axis.name: value}):
                 shown = f"{value:g}" if isinstance(value, float | int) else value
-                found.append(Finding(OUT_OF_RANGE, axis.name, f"{shown}: {told}"))
+                found.append(Finding(OUT_OF_RANGE, axis.name, f"{shown}: {problem}"))
     return found
 
 

@@ -3,6 +3,7 @@
 import argparse
 from typing import Any
 
+from swath.terminal.options import option
 from swath.terminal.tables import add_json
 
 
@@ -11,7 +12,7 @@ def add(parsers: Any) -> None:
     parser = parsers.add_parser("odd", help="check an operational design domain", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     check = verbs.add_parser("check", help="what is unbound, out of range, contradictory, not simulated")
-    check.add_argument("odd", metavar="ODD", help="a binding, an OpenODD document, or wheat-harvest")
+    option(check, "odd ODD", "a binding, an OpenODD document, or wheat-harvest")
     add_json(check)
     check.set_defaults(run=_check)
 

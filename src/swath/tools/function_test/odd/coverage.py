@@ -39,7 +39,8 @@ class Outside:
 class Driven:
     """A run. steps: buckets at each metre, -1 outside of all, (n, attributes); metres, seconds: of the steps.
 
-    main: the bucket of each attribute in which it drove the longest way; outside: None where it stayed inside
+    main: the bucket of each attribute in which it drove the longest way
+    outside: None where it stayed inside
     """
 
     result: Result
@@ -70,7 +71,7 @@ class Driven:
 
 
 def driven_of(odd: Odd, result: Result) -> Driven:
-    """Of a result; `met` says what was measured."""
+    """What a run drove; `met` says what was measured."""
     met, point = result.get(MET) or {}, result["point"]
     distance = np.array(met.get("distance_m", []), dtype=float)
     t = np.array(met.get("t_s", []), dtype=float)
@@ -187,7 +188,7 @@ class Coverage:
 
 
 def coverage_of(odd: Odd, results: Iterable[Result]) -> Coverage:
-    """Of finished runs."""
+    """Coverage by finished runs."""
     found = Coverage(odd)
     for result in results:
         found.add(driven_of(odd, result))

@@ -72,8 +72,9 @@ from swath.tools.function_test.plan import code_hash, commit, looked_at
 from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 NOWHERE = "nowhere"
-ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is told; estimated
+ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is reported; estimated
 STEP, AXES = 13.0, 150.0  # of the matrix of buckets, and room for the names of attributes [px]
+LAST = 0.9  # of the matrix from the left, from where on there is no room for a name
 LISTED = 60  # rows of a list on the page; all are in the tables
 NO_CERTIFICATE = (
     "This dossier certifies nothing. It says what a simulation showed of a function, in which part of a "
@@ -234,7 +235,11 @@ def _told(of: Mapping[str, Explained]) -> Iterable[str]:
     """How many broken cells there are of each kind."""
     for why in WHYS:
         if count := sum(e.why == why for e in of.values()):
-            yield f"{count} cells broken {why}" if why == AS_THE_REST else f"{count} broken cells: {why}"
+            yield (
+                f"{counted(count, 'cell')} broken {why}"
+                if why == AS_THE_REST
+                else f"{counted(count, 'broken cell')}: {why}"
+            )
 
 
 def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
@@ -264,20 +269,20 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
     marked = elsewhere if any("(!)" in str(row[4]) for row in broken) else ""
     about = f"{ABOUT_CAUSES}{marked}{ABOUT_DRAWN}{_left_over(outside, causes)}."
     said = list(_told(why))
-    needed = [_requirement(folder.name, told) for told in traced(found.odd.file, found.results)]
+    needed = [_requirement(folder.name, trace) for trace in traced(found.odd.file, found.results)]
     rules = Table("", ("module", "", "condition"), found.odd.domain.rules())
     sections = [
         Section("Where it is broken", [
             Table("", CAUSES, broken, (1, 2, 3, 4), about) if broken else _no_cause(cells),
-            Items(said) if said else "", ALL_CELLS if said else "",
-            _listed("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3), ABOUT_LIMITS),
+            Items(said), ALL_CELLS if said else "",
+            Table("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3), ABOUT_LIMITS),
         ]),
         Section("Where it is shown to work", _where_shown(found, cells, rest, out, restricted.name)),
         Section("What was never driven", _never(found, cells)),
         Section("What not to believe", [
             Items(_believe(found)),
-            _listed("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
-            _listed("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
+            Table("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
+            Table("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
                     text=ABOUT_MODELS),
         ]),
         Table("Requirements", REQUIREMENTS, needed, (2, 3, 4, 5), ABOUT_REQUIREMENTS),
@@ -307,17 +312,6 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         verdict=_verdict(cells, len(broken)),
         top=[Banner(NO_CERTIFICATE), Facts(_facts(found, cells)), *_about(found)],
     )
-
-
-def _listed(
-    title: str,
-    head: Sequence[str],
-    rows: Sequence[Sequence[object]],
-    numeric: Sequence[int] = (),
-    text: str = "",
-) -> Table | str:
-    """A table under a heading of its own; nothing without rows."""
-    return Table(title, head, rows, numeric, text) if rows else ""
 
 
 def _verdict(cells: Sequence[OddCell], causes: int) -> tuple[str, str, str]:
@@ -357,8 +351,8 @@ def _about(found: Conducted) -> tuple[str, str]:
 def _no_cause(cells: Sequence[OddCell]) -> str:
     if count := sum(c.verdict == BROKEN for c in cells):
         return (
-            f"{count} cells are broken, but in none do runs fail more often than in the rest, so no cause "
-            "can be separated."
+            f"{counted(count, 'cell')} broken, but in none do runs fail more often than in the rest, so no "
+            "cause can be separated."
         )
     return (
         "Nowhere: in no cell do so many runs fail that they rule out the claim, taking into account that "
@@ -411,12 +405,12 @@ def _never(found: Conducted, cells: Sequence[OddCell]) -> list[object]:
         "counts for it."
     )
     return [
-        f"{len(never)} cells of the ODD:" if never else all_driven,
-        Items(never[:LISTED], is_wide=True) if never else "",
+        f"{counted(len(never), 'cell')} of the ODD:" if never else all_driven,
+        Items(never[:LISTED], is_wide=True),
         more(len(never), LISTED, "`cells.csv`"),
-        _listed("Parts outside every bucket, which no run was drawn for", head, undrawn),
-        _listed("Driven, but in no bucket", ("attribute", "metres", "runs"), _in_no_bucket(found), (1, 2)),
-        _listed("Attributes that swath cannot simulate", ("attribute", "why"), lost),
+        Table("Parts outside every bucket, which no run was drawn for", head, undrawn),
+        Table("Driven, but in no bucket", ("attribute", "metres", "runs"), _in_no_bucket(found), (1, 2)),
+        Table("Attributes that swath cannot simulate", ("attribute", "why"), lost),
         element("h3", "Attributes that the binding does not name") if unbound else "",
         f"Nothing sets or measures them: {', '.join(unbound)}" if unbound else "",
     ]
@@ -614,7 +608,11 @@ def _matrix(found: Conducted, cells: Sequence[OddCell]) -> Beside:
         middle = 1.0 - (axis.first + axis.count / 2) * size
         made.text(0.0, middle, axis.name.partition(".")[2], anchor="end", right=-5.0, down=4.0)
         if is_new:
-            made.text(at, 1.0 - at, axis.layer, right=16.0, down=11.0, is_name=True)
+            is_last = at > LAST
+            made.text(
+                1.0 if is_last else at, 1.0 - at, axis.layer, anchor="end" if is_last else "start",
+                right=0.0 if is_last else 16.0, down=-3.0 if is_last else 11.0, is_name=True,
+            )  # fmt: skip
     return Beside([_keys(("not shown, but no run fails", "clean")), made], "")
 
 
@@ -680,8 +678,8 @@ def _levels(found: Conducted) -> list[list[str]]:
                 continue
             ranges = [f"{c.quantity} {c.span} ({c.source})" for c in choice.found.checked]
             errors = [f"{e.metric} {e.size:g} against {e.against} ({e.source})" for e in choice.found.errors]
-            told = "; ".join(ranges) or "no range declared: what a run met was not compared with anything"
-            rows.append([f"{machine.name}.{slot}", choice.level, told, "; ".join(errors) or "none stated"])
+            text = "; ".join(ranges) or "no range declared: what a run met was not compared with anything"
+            rows.append([f"{machine.name}.{slot}", choice.level, text, "; ".join(errors) or "none stated"])
     return rows
 
 
@@ -739,7 +737,7 @@ def _cell_rows(found: Conducted, cells: Sequence[OddCell],
         axes = [found.odd.bucket_axis[place] for place in cell.places]
         names = [axis.name for axis, _ in axes] + [""] * (2 - len(axes))
         labels = [axis.labels[bucket] for axis, bucket in axes] + [""] * (2 - len(axes))
-        told = why.get(cell.text)
+        reason = why.get(cell.text)
         yield {
             "attribute": names[0],
             "bucket": labels[0],
@@ -753,10 +751,10 @@ def _cell_rows(found: Conducted, cells: Sequence[OddCell],
             "seconds": f"{cell.seconds:.1f}",
             "p_broken": f"{cell.p_broken:.3g}",
             "p_shown": f"{cell.p_shown:.3g}",
-            "cause": "" if told is None or told.cause is None else told.cause.text,
-            "why": "" if told is None else told.why,
-            "runs_without_causes": "" if told is None else told.counted,
-            "failed_without_causes": "" if told is None else told.failed,
+            "cause": "" if reason is None or reason.cause is None else reason.cause.text,
+            "why": "" if reason is None else reason.why,
+            "runs_without_causes": "" if reason is None else reason.counted,
+            "failed_without_causes": "" if reason is None else reason.failed,
         }
 
 
@@ -787,8 +785,8 @@ def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
     if found.odd.file.requirement:
         properties = ET.SubElement(suite, "properties")
         ET.SubElement(properties, "property", name="requirement", value=found.odd.file.requirement)
-    told = [cell for cell in cells if len(cell.places) == 1 or cell.verdict == BROKEN]
-    for cell in told:
+    listed = [cell for cell in cells if len(cell.places) == 1 or cell.verdict == BROKEN]
+    for cell in listed:
         test = ET.SubElement(suite, "testcase", classname=f"ODD {found.odd.name}", name=cell.text)
         if cell.verdict == BROKEN:
             of = why[cell.text]
@@ -798,6 +796,6 @@ def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
             ET.SubElement(
                 test, "skipped", message=f"{cell.verdict}: {cell.failed} of {cell.counted} runs fail"
             )
-    suite.set("tests", str(len(told)))
-    suite.set("failures", str(sum(cell.verdict == BROKEN for cell in told)))
+    suite.set("tests", str(len(listed)))
+    suite.set("failures", str(sum(cell.verdict == BROKEN for cell in listed)))
     write_suites(path, root)

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError, MissingExtra
+from swath.core.errors import Extra, InputError
 from swath.core.temporary import TemporaryFolder
 from swath.core.whole_file import own_folder, write_whole
 from swath.documents.yaml_document import Document, read_document
@@ -25,8 +25,10 @@ _UNKNOWN_UNIT = re.compile(r": (\S+): unknown unit '([^']+)'")
 
 @dataclass(frozen=True)
 class Attribute:
-    """A concept of the taxonomy. name: with its groups, `terrain.side_slope`; values: of a category, () for a
-    number.
+    """A concept of the taxonomy.
+
+    name: with its groups, `terrain.side_slope`
+    values: of a category, () for a number
     """
 
     name: str
@@ -181,8 +183,6 @@ def _text(value: Value) -> str:
 
 
 def _library() -> Any:
-    try:
+    with Extra("odd", "reading an ODD"):
         import openodd
-    except ImportError:
-        raise MissingExtra("odd", "reading an ODD") from None
     return openodd

@@ -5,7 +5,7 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.field.memory_layout import Organ
-from swath.report.stand3d import Camera, organs_near
+from swath.tools.scan.stand3d import Camera, organs_near
 
 pytestmark = pytest.mark.drawn
 
