@@ -219,8 +219,8 @@ class Pages:
     table: (ny, nx) int32, page slot or -1 (nothing known there: a ray that gets there is lost)
     table_x, table_y: page index of table[0, 0]; page (i, j) covers [i, i + 1] x [j, j + 1] * 8 T
     ground: (n, 65, 65) height of the soil [m], float32, [iy, ix]
-    straw: (n, 65, 65) depth of straw on it [m]. Both are bilinear between nodes, T / 8 apart; the surface a ray
-        hits is ground + straw.
+    straw: (n, 65, 65) depth of straw on it [m]. Both are bilinear between nodes, T / 8 apart; the surface a
+        ray hits is ground + straw.
     tile_plane: (n, 8, 8, 3) ground, slope_x, slope_y
     tile_stand: (n, 8, 8, 4) scale, lean_x, lean_y [m per m of zeta], density fraction (of density_max)
     tile_top: (n, 8, 8) highest live crop above the tile's plane [m], 0 = bare
