@@ -91,7 +91,7 @@ class About:
     is_thinned: who listens gets messages at the rate of tracks.parquet at most, not sample by sample
     is_bulky: in a thinned recording messages come five times a second
     samples: recorded bit for bit with `record: exact`, only with `full` (large truth, for metrics and
-        pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit
+    pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit
     track_order: place of its columns in every tracks.parquet; None = at the end, of machines that publish it
     time_column: column of tracks.parquet for the time that the newest sample is valid for [s]
     """

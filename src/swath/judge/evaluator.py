@@ -150,7 +150,7 @@ class Event:
     """Something that happened during a run.
 
     t, end_t [ns]: when it began and ended; both are the same for what takes no time; end_t is None while it
-        lasts. kind: one word, as in `after: gap`
+    lasts. kind: one word, as in `after: gap`
     machine: to which it happened
     x, y: place in the world [m]
     distance: driven by the machine when it began [m]
@@ -271,7 +271,7 @@ class Evaluator(Protocol):
 
     METRICS: every metric it may give
     OF_FIELD: whether it is made once, sees the samples of all machines and gives metrics of the field;
-        otherwise it is made for each machine and sees that machine's samples only
+    otherwise it is made for each machine and sees that machine's samples only
     """
 
     METRICS: ClassVar[tuple[Metric, ...]]
