@@ -33,7 +33,7 @@ from swath.fleet.table import Path, Table, segments, standing
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Far, Finder, Track, behind, driven, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
-from swath.fleet.yard import WIDE, Waits, along_passes, service_places, waiting_places
+from swath.fleet.yard import WIDE, Home, Waits, along_passes, service_places, waiting_places
 
 Array = NDArray[np.float64]
 LEFT_KG = 1e-6  # of grain, that is none
@@ -246,16 +246,25 @@ def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatch
 
 
 class Scheduler:
-    """Decides one plan of a job. dispatcher: by default that of the job."""
+    """Decides one plan of a job.
 
-    def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher | None = None) -> None:
+    dispatcher: by default that of the job
+    like: of the same job but for `fleet`, whose passes and waiting places are taken
+    """
+
+    def __init__(
+        self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher | None = None,
+        like: "Scheduler | None" = None,
+    ) -> None:  # fmt: skip
         machines = machines_of(job, base)
         ground = Ground(job, body_of(machines.truck))
-        plan = plan_of(ground, machines.combines, job.plan, job.drawn)
+        self.kept: dict[str, Home]
+        self.schedule: Schedule
+        plan = like.schedule.plan if like else plan_of(ground, machines.combines, job.plan, job.drawn)
         self.job, self.ground, self.machines = job, ground, machines
         self.dispatcher = dispatcher or dispatcher_of(job.fleet.dispatcher, base, job.fleet.draw)
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
-        self.kept = waiting_places(ground, self.finder, self.waits())
+        self.kept = like.kept if like else waiting_places(ground, self.finder, self.waits())
         out = [k.name for k in machines.carts if k.name not in self.kept]
         notes = [
             *job.notes,
@@ -689,6 +698,7 @@ class Scheduler:
                 first = find(way.start, in_line=WAYS.line_deg)
                 if first is not None:
                     return behind(first, way, body)
+                break
         return find(goal, in_line=line)
 
     def names(self) -> list[str]:

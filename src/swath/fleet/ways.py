@@ -58,7 +58,7 @@ class Params:
         fields are planned fast.
     """
 
-    poses: int = 6_000
+    poses: int = 3_000
     creep_m_s: float = 0.3
     ramp_m: float = 3.0
     ease: float = 0.1
