@@ -36,7 +36,7 @@ def work(seed: int, hectares: tuple[float, float], limit: float, file: Path, set
     from swath.core.errors import InputError
     from swath.core.foreign_code import allow_code
     from swath.fleet.driven import driven
-    from swath.fleet.schedule import schedule_of
+    from swath.fleet.search import best_of
     from swath.fleet.worked import by_events
 
     job = drawn_job(seed, hectares)
@@ -48,7 +48,7 @@ def work(seed: int, hectares: tuple[float, float], limit: float, file: Path, set
     row = about(seed, job)
     try:
         with allow_code(None):
-            made = schedule_of(job)
+            _, made = best_of(job)
         row["cpu_s"] = time.process_time()
         events, bodies = by_events(made), driven(made)
         row |= {"outcome": "ended", "cpu_driven_s": time.process_time() - row["cpu_s"], "notes": made.notes}

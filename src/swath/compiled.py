@@ -23,10 +23,10 @@ class Compiled(ABC):
     """The parts of a slot in all worlds.
 
     reads: ports with the type of what they receive, hears: those with a history; one that is open is left out
-    given: what they read, by port; sent: what they send, by output: rows with one memory for life
-    heard: trails of what came at inputs with a history since the last step
-    active: (worlds,) those that still run
-    clock: (3,) begin, end and length of a step [ns]; needs: (1,), set by a launch that lacks something
+        given: what they read, by port
+    sent: what they send, by output: rows with one memory for life heard: trails of what came at inputs with a
+        history since the last step active: (worlds,) those that still run clock: (3,) begin, end and length
+        of a step [ns]; needs: (1,), set by a launch that lacks something
     """
 
     reads: ClassVar[Mapping[str, type[Signal]]] = {}
@@ -90,8 +90,9 @@ class Compiled(ABC):
         return self.sent_at(t + dt)
 
     def column(self, port: str, name: str, otherwise: float = np.nan) -> Any:
-        """A field of what is read, for a kernel; its default where it is not sent. otherwise: of a port that
-        is open.
+        """A field of what is read, for a kernel; its default where it is not sent.
+
+        otherwise: of a port that is open
         """
         row = self.given.get(port)
         array = None if row is None else row.arrays.get(name)

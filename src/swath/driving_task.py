@@ -248,7 +248,9 @@ def known_words(of: type, words: Mapping[str, Any], more: Sequence[str] = ()) ->
 class Driven:
     """A world that a policy drives.
 
-    tightest: curvature of the tightest turn [1/m]; top: speed [m/s]; wanted: as `values_of` has it
+    tightest: curvature of the tightest turn [1/m]
+    top: speed [m/s]
+    wanted: as `values_of` has it
     """
 
     seed: int

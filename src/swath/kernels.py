@@ -83,7 +83,7 @@ class Row:
     """One struct of real numbers in memory that Python and a kernel on the CPU share.
 
     struct: a struct or vector type of Warp; array: what the kernel takes; names: of the struct's numbers
-    write: sets all numbers; read: gives all of them
+        write: sets all numbers; read: gives all of them
     """
 
     def __init__(self, struct: Any) -> None:

@@ -23,7 +23,18 @@ READERS = {
     "what a library opens": lambda path: check_readable(path, "file", "a file"),
 }
 # The package's own files, and what the system tells; each by what the call is made on.
-OWN = ("__file__", "_HERE", "PAGE", "TEMPLATES", "find_sheet", "job_sheet", "examples()", "/proc/", "named")
+OWN = (
+    "__file__",
+    "_HERE",
+    "PAGE",
+    "TEMPLATES",
+    "find_sheet",
+    "job_sheet",
+    "examples()",
+    "template.path",
+    "/proc/",
+    "named",
+)
 MADE = {  # what was written a moment ago, or lies in an installed package
     "field_io/folder.py", "tools/scan/scan.py", "api.py", "link/fmi/export.py",
     "tools/function_test/odd/openodd.py", "tools/function_test/odd/campaign.py", "link/fmi/export_slave.py",

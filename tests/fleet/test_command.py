@@ -28,7 +28,7 @@ def test_results_of_another_job_are_not_replaced(capsys, tmp_path):
     for name in ("north", "south"):
         (tmp_path / f"{name}.yaml").write_text(
             "format: swath fleet 1\nfield: {boundary_m: [[0, 0], [60, 0], [60, 40], [0, 40]]}\n"
-            "combines: {combine: {}}\ntruck: {x_m: 20, y_m: -30}\n"
+            "combines: {combine: {}}\ntruck: {x_m: 20, y_m: -30}\nfleet: {plans: 2}\n"
         )
     out = ["--out", str(tmp_path / "out of both")]
     assert main(["fleet", "run", str(tmp_path / "north.yaml"), *out]) == 0

@@ -44,7 +44,7 @@ def ends_of(monkeypatch, made):
         class Told:
             machines, ground = made.machines, made.ground
 
-            def __init__(self, job, base):
+            def __init__(self, job, base, like=None):
                 self.job = job
 
             def run(self, best=None):
@@ -86,7 +86,7 @@ def test_machines_of_no_use_stay_away_and_it_is_said(ends_of):
     ends_of(lambda job: 1e4 + 1e3 * len(job.carts) - 500.0 * len(job.combines))
     own, best = best_of(job_of(2, 3, 12))
     assert (len(own.combines), len(own.carts)) == (2, 1)
-    assert [n for n in best.notes if "stay away" in n]
+    assert [n for n in best.notes if n.startswith("not used: k")]
 
 
 def test_each_plan_is_another_job(ends_of):
@@ -127,8 +127,9 @@ def test_a_plan_that_falls_behind_is_given_up_and_its_own_equal_is_not():
     half = replace(best, ends=0.5 * best.ends)  # it cannot end before that
     ahead = replace(best, pace=[(left, least - 0.2 * best.ends) for left, least in best.pace])
     for other in (half, ahead):
-        again = Scheduler(job, None)
+        again = Scheduler(job, None, like=made)
         with pytest.raises(Late):
             again.run(other)
+        assert again.schedule.pace == best.pace[: len(again.schedule.pace)]
         assert again.ground.remaining.area > made.ground.remaining.area + 100.0
     assert not best.is_behind(replace(best, ends=best.ends + 1.0))

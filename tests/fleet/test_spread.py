@@ -74,7 +74,7 @@ def test_the_command_says_the_range_and_which_draws_are_refused(tmp_path, capsys
 
     monkeypatch.setattr(spread, "spread_of", made)
     out = tmp_path / "out"
-    arguments = ["fleet", "run", "small-field", "--spread", "5", "--out", str(out)]
+    arguments = ["fleet", "run", "small-field", "--spread", "5", "--out", str(out), "--set", "fleet.plans=1"]
     assert main(arguments) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert asked == [("small-field", 5.0, out)]

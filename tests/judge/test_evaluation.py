@@ -181,5 +181,5 @@ def test_an_event_is_told_once_when_the_window_may_begin():
 
 def test_the_built_in_evaluators_say_what_they_want_to_see():
     assert all(
-        is_among(c.SIGNALS, c.SIGNALS) and not is_among([Scan], c.SIGNALS) for c in load_evaluators().classes
+        is_among(c.SIGNALS, c.SIGNALS) and not is_among((Scan,), c.SIGNALS) for c in load_evaluators().classes
     )

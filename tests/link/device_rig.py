@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from swath.core.component import Port
-from swath.link.levels.device import DeviceSetup, make_device
+from swath.link.device.output import DeviceSetup, make_device
 from swath.signals import Fix, Scan
 
 STEP = 40_000_000  # ns

@@ -13,9 +13,9 @@ from swath.core.foreign_code import allow_code
 from swath.link import foxglove
 from swath.link.device import cola, lms
 from swath.link.device.address import read_address
+from swath.link.device.output import PROTOCOLS
 from swath.link.device.wires import BUFFER, MOST_CLIENTS
 from swath.link.levels import agopengps
-from swath.link.levels.device import PROTOCOLS
 from swath.runtime.served import bound
 from swath.signals import Scan
 from tests.link.device_rig import STEP, device, plane_scan, until

@@ -14,7 +14,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import allow_code
 from swath.field.projection import origin_at
 from swath.link.device import nmea
-from swath.link.levels.device import convergence
+from swath.link.device.output import convergence
 from swath.signals import Fix
 from tests.link.device_rig import device, drawn_fix, until
 from tests.link.independent_agopengps import position_of

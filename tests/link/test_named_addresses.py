@@ -11,7 +11,7 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import allow_code, only_code
 from swath.link.can.bus import Where, check_bus
 from swath.link.device.address import is_loopback, read_address
-from swath.link.levels.device import PROTOCOLS
+from swath.link.device.output import PROTOCOLS
 from swath.scenario.scenario import load_scenario
 
 SCENARIO = """

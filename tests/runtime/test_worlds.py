@@ -20,6 +20,7 @@ from swath.runtime import loop
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.signals import CropEdge, CropFlow, MachineState, Scan, SpeedCommand, SteerCommand
+from swath.signals.objects import objects_of
 
 CLOCK = ("wall_s", "real_time_factor", "cost", "expect")
 SHORT = {
@@ -174,6 +175,25 @@ def test_samples_of_several_times_are_refused_where_worlds_run():
     assert Samples.joined(edges, [False, True, True]).t == 9
     with pytest.raises(SwathError, match=r"t = 5 ns in one world, 9 ns in another.*together=1"):
         Samples.joined(edges)
+
+
+def test_arrays_of_different_lengths_go_in_step():
+    samples = [objects_of(5, np.arange(12.0 * count).reshape(count, 12)) for count in (0, 3, 1)]
+    joined = Samples.joined(samples)
+    for found, own in zip([*joined.each(), joined.copy().of(1)], [*samples, samples[1]], strict=True):
+        assert sample_bytes("a", "b", 5, found) == sample_bytes("a", "b", 5, own)
+
+
+def test_worlds_see_different_numbers_of_objects():
+    """One person is near, or two; none of the worlds goes alone."""
+    near, far = ({"kind": "person", "x_m": x, "y_m": y} for x, y in ((-3.0, 12.0), (-1.0, 14.0)))
+    sets = {"combine.lidar": "off", "combine.edge": "truth", "combine.objects": "truth"}
+    sets |= {"run.distance_m": 0.6, "combine.motion.start_speed_kmh": 7}
+    runs = list(swath.worlds("straight", n=2, vary={"field.obstacles": [[near], [near, far]]}, sets=sets))
+    assert len({run.summary["digest"] for run in runs}) == 2
+    for run in runs:
+        (alone,) = swath.batch([run.entry])
+        assert judged(run.summary) == judged(alone.summary)
 
 
 class Crashes:

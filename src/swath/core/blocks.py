@@ -8,7 +8,7 @@ end of a beat and before it is asked for anything (`look`). How long a beat is c
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from swath.core.together import Samples, Sent, plain
 ROOM = 16  # samples of an output for which there is memory at first
 Wire = tuple[str, str]
 Ints = NDArray[np.int64]
+S = TypeVar("S", bound=Signal)
 
 
 @runtime_checkable
@@ -156,6 +157,10 @@ class Pile:
             self._arrays = found
         return self._arrays
 
+    def array(self, name: str) -> NDArray[Any]:
+        """One of these."""
+        return self.arrays[name] if self.trail is None or self._arrays else self.trail.memory[name]
+
     @property
     def worlds(self) -> int:
         """Number of worlds."""
@@ -200,7 +205,7 @@ class Block:
         pile, k = self.pile, self._count - 1
         if pile.each:
             return plain(getattr(pile.each[k][self.world], name))
-        return int(pile.stamps[k]) if name == "t" else pile.arrays[name][k, self.world]
+        return int(pile.stamps[k]) if name == "t" else pile.array(name)[k, self.world]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A field, (k, ...); a pose as (k, 12): position, then rows of the rotation."""
@@ -293,11 +298,9 @@ class Seen:
 
     def of_machine(self, machine: str) -> "Seen":
         """That of one machine, "" = of all."""
-        own = [b for b in self.blocks if self._is_of(b, machine)]
-        if len(own) == len(self.blocks):
-            return self
         if machine not in self._of_machine:
-            self._of_machine[machine] = Seen(own)
+            own = [b for b in self.blocks if self._is_of(b, machine)]
+            self._of_machine[machine] = self if len(own) == len(self.blocks) else Seen(own)
         return self._of_machine[machine]
 
     @staticmethod
@@ -334,6 +337,11 @@ class Shown(Mapping[str, Signal]):
         """Their types."""
         return tuple(sent.kind for sent in self._sent.values())
 
+    def samples(self, kind: type[S]) -> list[S]:
+        """Those of a type."""
+        found: list[Any] = [s.each[self._world] for s in self._sent.values() if issubclass(s.kind, kind)]
+        return found
+
     def number(self, kind: type[Signal], name: str) -> Any:
         """A field of the sample of a type, a pose as 12 numbers; None without one."""
         for sent in self._sent.values():
@@ -349,21 +357,24 @@ def number_of(outputs: Mapping[str, Signal], kind: type[Signal], name: str) -> A
     return next((plain(getattr(s, name)) for s in outputs.values() if isinstance(s, kind)), None)
 
 
-def newest_of(outputs: Mapping[str, Signal], kind: type[Signal], machine: str, before: Any) -> Any:
-    """The newest sample of a type from a machine. before: that of the last look."""
-    waiting = outputs.waiting(kind, machine) if isinstance(outputs, Shown) else None
-    return before if waiting is None else waiting.sample(-1)
+def samples_of(outputs: Mapping[str, Signal], kind: type[S]) -> list[S]:
+    """Those of a type; of `Shown` no others are made."""
+    if isinstance(outputs, Shown):
+        return outputs.samples(kind)
+    return [signal for signal in outputs.values() if isinstance(signal, kind)]
 
 
 class Blocks:
-    """What all slots sent since the last look, in all worlds. order: (1,) how many times a slot sent
-    anything.
+    """What all slots sent since the last look, in all worlds.
+
+    order: (1,) how many times a slot sent anything
     """
 
     def __init__(self) -> None:
         self._piles: dict[Wire, list[Pile]] = {}
         self._rooms: dict[Wire, int] = {}  # how many samples came before a look
         self._heads: dict[Wire, Ints] = {}
+        self._asked: dict[tuple[type[Signal], str], list[Pile]] = {}  # which `waiting` looks at
         self.order = np.zeros(1, np.int64)
 
     def add(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
@@ -394,14 +405,18 @@ class Blocks:
         for pile in found:
             pile.close()
         self._rooms |= {wire: max(piles[-1].count, 1) for wire, piles in self._piles.items()}
-        self._piles = {}
+        self._piles, self._asked = {}, {}
         return found
 
     def waiting(self, world: int, kind: type[Signal], machine: str) -> Block | None:
         """Of a type and machine what nobody has looked at."""
-        every = [pile for piles in self._piles.values() for pile in piles if issubclass(pile.kind, kind)]
-        own = [Block(p, world) for p in every if p.slot.partition(".")[0] == machine and p.count]
-        return Seen(own).of(kind) if own else None
+        piles = self._asked.get((kind, machine))
+        if piles is None:
+            every = (p for piles in self._piles.values() for p in piles if issubclass(p.kind, kind))
+            piles = [pile for pile in every if pile.slot.partition(".")[0] == machine]
+            self._asked[kind, machine] = piles
+        own = [Block(pile, world) for pile in piles if pile.count]
+        return (own[0] if len(own) == 1 else Seen(own).of(kind)) if own else None
 
     def _begin(self, slot: str, output: str, sent: Sent, room: int = ROOM) -> Pile:
         """Another pile of an output."""
@@ -409,6 +424,7 @@ class Blocks:
         piles = self._piles.setdefault(wire, [])
         if piles:
             piles[-1].close()
+        self._asked = {}
         is_row = sent.is_of_all and isinstance(sent.all, Row)
         head = self.head(wire) if is_row else None
         piles.append(Pile(slot, output, sent, max(room, self._rooms.get(wire, 0)), head))

@@ -23,7 +23,8 @@ Check = Callable[[Any], bool]
 class CheckedOutput(FaultyOutput):
     """Checks the outputs of one slot before a fault is at work on them, if one is.
 
-    slot: its full name; part: where the component comes from, `file.py:Class` or a level
+    slot: its full name
+    part: where the component comes from, `file.py:Class` or a level
     """
 
     def __init__(self, slot: str, part: str, outputs: Sequence[Port], fault: Fault = NOTHING) -> None:

@@ -27,7 +27,8 @@ class Fault:
     """What goes wrong. scale, bias, noise (one sigma), stuck: by field and unit, such as `offset_m`.
 
     beam_loss, dead_beams: shares of the beams of a scan, others in each or always the same
-    hold, silent: windows of time [s]; loss: share of samples, lost for `burst` [s] together; latency [s]
+    hold, silent: windows of time [s]
+    loss: share of samples, lost for `burst` [s] together; latency [s]
     """
 
     scale: Values

@@ -27,8 +27,8 @@ class Pose:
     position: (3,) [m]
     rotation: (3, 3), its columns are the body axes
     numbers: position and rows of the rotation as plain numbers. Of those and the arrays, which nobody
-        changes, a
-        pose holds what it was made of, and makes the others when somebody asks: most never do
+    changes, a
+    pose holds what it was made of, and makes the others when somebody asks: most never do
     """
 
     position: Array

@@ -573,12 +573,10 @@ class Lockstep:
     def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
         """What ops sent is the newest there is; who follows them learns of it."""
         for place in places:
-            rank = self._ranks[place]
-            outputs = {output: Sent(row) for output, row in program.by_place[place].op.sent.items()}
-            for output, sent in outputs.items():
-                self._latest[rank.name, output] = sent
-            if rank.name in self._followers:
-                self._tell(rank, t, outputs)
+            for wire, row in program.sends[place]:
+                self._latest[wire] = Sent(row)
+            if self._followers and (rank := self._ranks[place]).name in self._followers:
+                self._tell(rank, t, {wire[1]: self._latest[wire] for wire, _ in program.sends[place]})
 
     def _show(self, rank: _Rank, t: int) -> None:
         """Show what an op sent to those who look at every sample."""

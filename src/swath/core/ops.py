@@ -36,8 +36,9 @@ FIRST, LAST, BASE, PART, FROM, STOP, NEEDS, STAGE, REACHED, CLOCK, ORDER = range
 class Op(Protocol, metaclass=ByMembers):
     """Parts of a slot in all worlds, stepped by launches over rows.
 
-    sent: by output; heard: trails that it takes samples of inputs with a history from; walks: whether
-    launches are all that a step takes
+    sent: by output
+    heard: trails that it takes samples of inputs with a history from
+    walks: whether launches are all that a step takes
     active: worlds that still run
     needs: (1,) int32, set by a launch that lacks something: `supply` then does what it did not
     """
@@ -168,7 +169,7 @@ class Program:
 
     by_place: its ops; spans: of each tick, the tick after the last of those from there on at which nothing
     but ops is due; pieces: of each tick, what is due in order: places of slots, or (parts from, to)
-    places: of the slots of the parts
+    places: of the slots of the parts; sends: by place, what an op sends
     begun: time [ns] after which all slots have begun; seconds: of walking, since they were counted last
     """
 
@@ -179,7 +180,13 @@ class Program:
         self.times = [at for at, _ in plan.ticks]
         self.begun = max((slot.offset for slot in plan.slots), default=0)
         self._plan, self.by_place = plan, {member.place: member for member in members}
-        sent = {(plan.slots[member.place].name, output) for member in members for output in member.op.sent}
+        self.sends = {
+            member.place: [
+                ((plan.slots[member.place].name, output), row) for output, row in member.op.sent.items()
+            ]
+            for member in members
+        }
+        sent = {wire for sends in self.sends.values() for wire, _ in sends}
         self._is_told = goal is not None and sent.issuperset(goal.wires)  # by the walk that a goal is reached
         self.least = np.zeros(0) if goal is None else goal.least.copy()
         self._lines: list[list[int]] = []

@@ -35,7 +35,8 @@ class Checked:
     """Range of a quantity of a run in which a level was checked.
 
     quantity: of `runtime/met.py`, or one that the level's parts meet themselves (`core.abilities.MeetsRange`)
-    low, high: in the unit of its name; source: the test or page that checked it there
+    low, high: in the unit of its name
+    source: the test or page that checked it there
     """
 
     quantity: str
@@ -66,16 +67,18 @@ class KnownError:
 class Level:
     """One level of a slot.
 
-    component: class, called as component(params, setup); params: dataclass of its parameters
-    summary: one line; cost: what it costs; tolerance: against the next dearer level, or what it was
-    checked against
+    component: class, called as component(params, setup)
+    params: dataclass of its parameters
+    summary: one line
+    cost: what it costs
+    tolerance: against the next dearer level, or what it was checked against
     sees_truth: a control level that is given the field although control is not (for isolating a part)
     is_link: somebody else's part, which may fill any slot: made with a `core.setup.LinkSetup`
     checked: ranges in which it was checked; nothing is known of a quantity that is not among them
     errors: of metrics, where a comparison measured them
     numbers: sections of its machine's data sheet on which what it gives rests
     steady: metrics of a machine in a steady state, as `steady(machine, state, load)` gives them by name, for
-    what a number of the data sheet is worth
+        what a number of the data sheet is worth
     given: metrics that are an input of the level, and no result
     """
 

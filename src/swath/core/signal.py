@@ -27,7 +27,9 @@ Frame = Literal["base", "sensor", "optical", "world"]
 class TrackColumn:
     """A column of tracks.parquet made from a field.
 
-    name: with its unit, e.g. `x_m`; unit: as in the name; value: the number from what the field holds
+    name: with its unit, e.g. `x_m`
+    unit: as in the name
+    value: the number from what the field holds
     """
 
     name: str
@@ -40,12 +42,14 @@ class TrackColumn:
 class Quantity:
     """What a field of a signal holds; stands in its `Annotated`.
 
-    unit: of the SI, "" = a plain number; meaning: one line, with the sign
+    unit: of the SI, "" = a plain number
+    meaning: one line, with the sign
     shape: names or lengths of an array's dimensions
     nan: what nan means; "" = the field is never nan
     span: least and greatest value that it can have
     is_amount: belongs to the step of the sample (kg in that step), adds up over steps; otherwise a state
-    column: name under which it is a column of tracks.parquet as it is; columns: those that are made from it
+    column: name under which it is a column of tracks.parquet as it is
+    columns: those that are made from it
     """
 
     unit: str
@@ -68,7 +72,8 @@ class Quantity:
 class Message:
     """A ROS 2 message that a sample becomes. type: e.g. `nav_msgs/Odometry`; meaning: of what, and when.
 
-    topic: as the name of an output of a slot; frame: "" = that of the signal
+    topic: as the name of an output of a slot
+    frame: "" = that of the signal
     """
 
     type: str

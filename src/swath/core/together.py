@@ -31,8 +31,8 @@ class Samples:
     """A sample of an output in each of n worlds, at one time t [ns].
 
     arrays: by field, first axis the world, a pose as (n, 12): position, then rows of the rotation; they may
-    be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and
-    stay so
+        be overwritten when their sender sends anew. alike: fields that are the same in all worlds, and stay
+        so
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Samples:
 
     @staticmethod
     def joined(signals: Sequence[Signal], active: Sequence[bool] | None = None) -> "Samples":
-        """Of the samples of all worlds; fields that are arrays have one shape in all of them.
+        """Of the samples of all worlds; arrays that differ in shape become one array of objects.
 
         active: worlds that still run, None = all; others have an older sample, which nobody looks at any
         more. SwathError where the samples of those that run are not of one time.
@@ -88,7 +88,7 @@ class Samples:
             if _is_alike(values):
                 alike[name] = values[0]
             else:
-                arrays[name] = np.array([plain(value) for value in values])
+                arrays[name] = _stacked(values)
         return Samples(type(first), max(times, default=first.t), arrays, alike)
 
 
@@ -200,6 +200,16 @@ def _is_alike(values: Sequence[Any]) -> bool:
     if not isinstance(first, np.ndarray) or first.flags.writeable:
         return False
     return all(value is first or np.array_equal(value, first) for value in values[1:])
+
+
+def _stacked(values: Sequence[Any]) -> NDArray[Any]:
+    """Values of all worlds; arrays of different shapes, such as of objects, one by one."""
+    if not isinstance(values[0], np.ndarray) or len({np.shape(value) for value in values}) == 1:
+        return np.array([plain(value) for value in values])
+    found = np.empty(len(values), object)
+    for world, value in enumerate(values):
+        found[world] = value
+    return found
 
 
 def plain(value: Any) -> Any:

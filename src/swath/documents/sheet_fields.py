@@ -29,7 +29,8 @@ REQUIRED: Any = dataclasses.MISSING
 class Quantity:
     """A number, or a list of them, with the unit at the end of its key (`core/units.py`, "" = none).
 
-    low, high: limits in that unit; key: in the sheet, where it is not the field's name, without the unit
+    low, high: limits in that unit
+    key: in the sheet, where it is not the field's name, without the unit
     """
 
     unit: str
@@ -57,8 +58,8 @@ class Key:
 class Section:
     """Where the keys of a field that is such a class itself begin: `engine.`, `tyres.front_`.
 
-    when: key that says whether the sheet has it at all; without it the field is None and its keys may be
-    left out
+    when: key that says whether the sheet has it at all; without it the field is None and its keys may be left
+        out
     """
 
     prefix: str

@@ -36,8 +36,9 @@ STEEP, STEEPEST = 0.2, 1.0  # slope of half the map: more than combines harvest;
 class Quantity:
     """What the numbers of a map are. units: that a file may state -> factor to SI; lowest, highest [SI].
 
-    is_ground: heights of ground, whose steps and slopes are looked at; stated: the factor, where the user
-    says it: what the file states must not contradict it, and the limits are the user's affair
+    is_ground: heights of ground, whose steps and slopes are looked at
+    stated: the factor, where the user says it: what the file states must not contradict it, and the limits
+        are the user's affair
     called: pattern of what a band of it among others is called, lower case, '' = it is the first
     """
 

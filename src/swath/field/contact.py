@@ -25,7 +25,8 @@ CHUNK = 32  # triangles of a mesh that are bounded together
 class Parts:
     """Solids, each in its oriented box: centre (n, 3) [m], axes (n, 3, 3) columns, half sizes (n, 3) [m].
 
-    kind: `box`, `ellipsoid`, `capsule` (along its third axis) or `mesh`; mesh: None for all others; both (n,)
+    kind: `box`, `ellipsoid`, `capsule` (along its third axis) or `mesh`
+    mesh: None for all others; both (n,)
     """
 
     centre: Array

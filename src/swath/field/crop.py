@@ -51,7 +51,8 @@ class StemFacts:
 class YieldSection(ABC):
     """What every sheet says of the yield. straw_below_share: of the straw, below straw_below_height [m].
 
-    grain_density, swath_density: bulk [kg/m3]; grain_moisture: fraction.
+    grain_density, swath_density: bulk [kg/m3]
+    grain_moisture: fraction.
     """
 
     straw_below_share: Annotated[float, Quantity("percent", 1, 90)]
@@ -121,14 +122,15 @@ class Habit:
 
     make: draws plants, called as make(crop, count, rng, how), see `plants/drawing.py`
     yields: class of the sheet's section `yield`
-    organs: section of the sheet -> class of its facts, "" for one of several sections; `optional` ones may
-    be missing
+    organs: section of the sheet -> class of its facts, "" for one of several sections; `optional` ones may be
+        missing
     reflective: organs whose reflectance the sheet gives, beside ground, straw, stubble and weed; an optional
-    organ's own only where it has one
-    has_stem: whether the sheet has a section `stem`; stand: class of its section `stand`
+        organ's own only where it has one
+    has_stem: whether the sheet has a section `stem`
+    stand: class of its section `stand`
     reduced_leaf_parts: ribbons per leaf for the detail `reduced`
-    complete: makes the crop whole with what is not numbers; pieces: mean number of primitives of a plant,
-    where it may be so large that fewer prototypes have to do
+    complete: makes the crop whole with what is not numbers
+    pieces: mean number of primitives of a plant, where it may be so large that fewer prototypes have to do
     fruit_only: whether `make` draws less for `Drawing.fruit_only`
     """
 

@@ -182,8 +182,10 @@ class PolylineEdge(EdgeCommon):
 
 @dataclass(frozen=True, kw_only=True)
 class TrackEdge(EdgeCommon):
-    """Along a driven pass. track: its number in the field folder, or in `file`, GeoJSON with longitude and
-    latitude; offset_m: of the edge to the left of the pass, e.g. half a header.
+    """Along a driven pass.
+
+    track: its number in the field folder, or in `file`, GeoJSON with longitude and latitude
+    offset_m: of the edge to the left of the pass, e.g. half a header
     """
 
     shape: Literal["track"] = "track"

@@ -29,8 +29,8 @@ class Gap:
 class Teeth:
     """Bites out of the crop, 0 to `amplitude` deep, repeating every `wavelength` [m].
 
-    kind: `sawtooth` (depth rises from 0 to the amplitude, then drops) or `random` (smooth, independent
-    depths half a wavelength apart). seed: of phase and depths.
+    kind: `sawtooth` (depth rises from 0 to the amplitude, then drops) or `random` (smooth, independent depths
+        half a wavelength apart). seed: of phase and depths.
     """
 
     amplitude: float
@@ -54,8 +54,8 @@ class Teeth:
 class BrokenEdge:
     """The edge as it stands in the field at the start.
 
-    stubble: code of the cut side [cm]; begin: where along the edge the crop begins [m], before it lies the
-    headland, cut as the cut side is
+    stubble: code of the cut side [cm]
+    begin: where along the edge the crop begins [m], before it lies the headland, cut as the cut side is
     """
 
     shape: EdgeShape

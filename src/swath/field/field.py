@@ -42,11 +42,12 @@ PROFILED = 16.0  # of the ground on a profile's way that is held at a time [m]
 class Field:
     """Terrain, stand and what was cut and dropped. All positions are world ENU metres.
 
-    library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world
-    turned by `stand_yaw` [rad] about z; edges: of the crop at the start, by name
+    library: plant prototypes; pages: the memory that rays read, in the stand frame, which is the world turned
+        by `stand_yaw` [rad] about z
+    edges: of the crop at the start, by name
     crop_height, seen_height: usual ones of the crop, standing upright [m]: of its tips, as a scanner sees it
-    grain: on the ground; wind: what sways the stand; the library and the pages know nothing of it
-    Pages come into memory by `ensure`, and by themselves where any verb touches the field.
+        grain: on the ground; wind: what sways the stand; the library and the pages know nothing of it Pages
+        come into memory by `ensure`, and by themselves where any verb touches the field.
     """
 
     def __init__(

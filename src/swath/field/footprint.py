@@ -24,9 +24,11 @@ AHEAD = 1.5  # nodes are taken so far ahead [m]
 class Footprint:
     """Points of a body that stands in the field.
 
-    points: (n, 2) in the body's frame [m]; turn: heading of the body's world in the stand frame, cos and sin;
-    node: lattice spacing [m]; nodes_around: heights of the nodes as far as a room around a place, all in
-    nodes of the stand frame, and farther where a body of this heading (cos and sin) goes
+    points: (n, 2) in the body's frame [m]
+    turn: heading of the body's world in the stand frame, cos and sin
+    node: lattice spacing [m]
+    nodes_around: heights of the nodes as far as a room around a place, all in nodes of the stand frame, and
+        farther where a body of this heading (cos and sin) goes
     groups: equal parts of the points, each in a row, that `means` averages over
     """
 

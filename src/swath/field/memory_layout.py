@@ -59,13 +59,14 @@ class Primitives:
     """What plants are made of (m of them), sorted by tile, each copied to every tile side it overlaps
     (periodic tile).
 
-    shape: Shape; organ: Organ; a, b: ends [m], (m, 3); capsule: radius [m], width unused; ribbon:
-    parallelogram with corners a - w, a + w, b + w, b - w, w = width (m, 3) [m]; triangle: corners a - w,
-    a + w, b
-    owner: index of the stem; base: (m, 2) base of that stem as seen from this copy [m]; may lie outside
-    [0, T) for copies
+    shape: Shape
+    organ: Organ
+    a, b: ends [m], (m, 3); capsule: radius [m], width unused; ribbon: parallelogram with corners a - w, a +
+        w, b + w, b - w, w = width (m, 3) [m]; triangle: corners a - w, a + w, b
+    owner: index of the stem
+    base: (m, 2) base of that stem as seen from this copy [m]; may lie outside [0, T) for copies
     own_reflectance: of a primitive where parts of one organ differ (meshes), (m,), 0 = its organ's; empty =
-    none has its own
+        none has its own
     """
 
     shape: NDArray[np.uint8]
@@ -93,7 +94,7 @@ class PlantLibrary:
     pods or cob, the tip without any; is_weed: (n,); grain_kg, straw_kg: (n,) masses
 
     bounds, primitives: plants are drawn when these are first asked for: not every run looks at plants; the
-    properties below are theirs.
+        properties below are theirs.
 
     Search index: columns x columns x bins cells per tile, cell = ((k * columns + iy) * columns + ix) * bins
     + iz, column side T / columns, bin height bin_height [m] from zeta = 0; cell c lists primitives
@@ -217,17 +218,19 @@ class Pages:
 
     table: (ny, nx) int32, page slot or -1 (nothing known there: a ray that gets there is lost)
     table_x, table_y: page index of table[0, 0]; page (i, j) covers [i, i + 1] x [j, j + 1] * 8 T
-    ground: (n, 65, 65) height of the soil [m], float32, [iy, ix]; straw: (n, 65, 65) depth of straw on it [m]
-    Both are bilinear between nodes, T / 8 apart; the surface a ray hits is ground + straw.
-    tile_plane: (n, 8, 8, 3) ground, slope_x, slope_y; tile_stand: (n, 8, 8, 4) scale, lean_x, lean_y [m per
-    m of zeta], density fraction (of density_max); tile_top: (n, 8, 8) highest live crop above the tile's
-    plane [m], 0 = bare; tile_prototype: (n, 8, 8) prototype number with mirror flags
+    ground: (n, 65, 65) height of the soil [m], float32, [iy, ix]
+    straw: (n, 65, 65) depth of straw on it [m]. Both are bilinear between nodes, T / 8 apart; the surface a
+        ray hits is ground + straw.
+    tile_plane: (n, 8, 8, 3) ground, slope_x, slope_y
+    tile_stand: (n, 8, 8, 4) scale, lean_x, lean_y [m per m of zeta], density fraction (of density_max)
+    tile_top: (n, 8, 8) highest live crop above the tile's plane [m], 0 = bare
+    tile_prototype: (n, 8, 8) prototype number with mirror flags
     tile_bump: (n, 8, 8) the most that ground + straw rises above the tile's plane, over the tile's 9 x 9
-    nodes [m]: rays that stay above it skip the tile's ground
+        nodes [m]: rays that stay above it skip the tile's ground
     cut_slot: (n,) >= 0: row of `cut`; < 0: the whole page has code -1 - cut_slot
     cut: (m, 512, 512) uint8 codes, [iy, ix]
-    revision: grows by one with every change (a copy on another device is then stale); made: pages that came
-    into memory so far
+    revision: grows by one with every change (a copy on another device is then stale)
+    made: pages that came into memory so far
     """
 
     table: NDArray[np.int32]

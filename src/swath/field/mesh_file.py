@@ -39,8 +39,10 @@ UP = {  # rows: x, y, z of the world from those of the file, right-handed
 
 @dataclass(frozen=True)
 class MeshPart:
-    """Triangles with one material. names: what a sheet may call it by, first choice first; corners: (n, 3, 3)
-    in the units and axes of the file.
+    """Triangles with one material.
+
+    names: what a sheet may call it by, first choice first
+    corners: (n, 3, 3) in the units and axes of the file
     """
 
     names: tuple[str, ...]

@@ -32,7 +32,8 @@ Seven = tuple[float, float, float, float, float, float, float]
 class ObstacleSheet:
     """A thing with its foot at the origin, x forward, y left, z up.
 
-    length, width, height: of the whole [m]; reflectance: at 905 nm
+    length, width, height: of the whole [m]
+    reflectance: at 905 nm
     rcs_24, rcs_77: radar cross section at 24 and 77 GHz [dBsm]
     boxes, ellipsoids: rows of middle x, y, z and length, width, height [m]
     capsules: rows of two ends x, y, z each and the radius [m]
@@ -95,9 +96,11 @@ SheetKind = Literal["person", "animal", "vehicle", "tree", "hedge", "building"]
 class Path:
     """Where a thing goes, straight from its place through the points; it looks where it goes.
 
-    to: points [x, y] of the world in metres; speed_kmh: 5 is a walk
-    start_s: it stands until then; start_within_m: and until the fixed axle of a machine is no farther from it
-    in the plane; none = it waits for no machine
+    to: points [x, y] of the world in metres
+    speed_kmh: 5 is a walk
+    start_s: it stands until then
+    start_within_m: and until the fixed axle of a machine is no farther from it in the plane; none = it waits
+        for no machine
     at_end: `stay` there, or go to and fro
     """
 
@@ -112,9 +115,10 @@ class Path:
 class Placed:
     """x_m, y_m: where it stands, inside the field's boundary or beside it.
 
-    name: in reports, none = its kind and number; path: where it goes from there
+    name: in reports, none = its kind and number
+    path: where it goes from there
     rcs_dbsm: radar cross section, at any frequency and from all sides; none = the sheet's, or that of its
-    shape
+        shape
     """
 
     x_m: Metres
@@ -162,10 +166,14 @@ class StoneObstacle(Placed):
 class MeshObstacle(Placed):
     """A thing from a mesh file (OBJ, PLY, GLB; extra `mesh`). x_m, y_m: its foot.
 
-    file: the mesh; unit: of its coordinates; up: its axis that points up, none = y in GLB, else z
-    scale: on top of the unit; foot: what stands at x_m, y_m: the middle of the mesh's `base` or its `origin`
-    z_m: of the foot above ground; heading_deg, pitch_deg, roll_deg: of its x axis from east to the left, nose
-    down, right side down, about the foot
+    file: the mesh
+    unit: of its coordinates
+    up: its axis that points up, none = y in GLB, else z
+    scale: on top of the unit
+    foot: what stands at x_m, y_m: the middle of the mesh's `base` or its `origin`
+    z_m: of the foot above ground
+    heading_deg, pitch_deg, roll_deg: of its x axis from east to the left, nose down, right side down, about
+        the foot
     """
 
     file: str
@@ -213,7 +221,8 @@ KINDS: tuple[str, ...] = tuple(
 class Thing:
     """An obstacle of a field. solids: in its own frame, its foot at the origin, x forward.
 
-    pose: pose_world_thing at t = 0; path, way: where it goes, None for what stands
+    pose: pose_world_thing at t = 0
+    path, way: where it goes, None for what stands
     rcs_dbsm: radar cross section at 24 and 77 GHz, None where it is that of its solids
     """
 

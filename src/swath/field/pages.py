@@ -41,8 +41,9 @@ class PageData:
 class PageStore:
     """Pages in memory and what was changed on the others.
 
-    make: gives the pages of indices; finish: called with the store and keys of pages that just came into
-    memory; tile_size [m]; limit: number of pages kept in memory beyond those asked for last
+    make: gives the pages of indices
+    finish: called with the store and keys of pages that just came into memory; tile_size [m]
+    limit: number of pages kept in memory beyond those asked for last
     """
 
     def __init__(

@@ -30,7 +30,8 @@ PAD = 2e-5  # primitives grow by this in the overlap test, so that float32 rays 
 class _Pieces:
     """Primitives placed in tiles. source: index of the primitive in the plants; tile; a, b, base: placed.
 
-    half: `width` in the plants; pointed: triangles, which have no width at b.
+    half: `width` in the plants
+    pointed: triangles, which have no width at b.
     """
 
     source: Ints
@@ -144,8 +145,9 @@ class Index:
 class PlacedPlants:
     """Plants, primitives and lists of cells, each made when it is first asked for.
 
-    draw: plants whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,); size: of a tile [m]; counts:
-    tiles, columns and bins of the index
+    draw: plants whose stems stand at xy (n, 2) [m] in the tiles `tile` (n,)
+    size: of a tile [m]
+    counts: tiles, columns and bins of the index
     """
 
     def __init__(

@@ -43,7 +43,8 @@ class Contact:
 class Sighted:
     """What a sensor sees of a body: its solids in the world. kind: as in `OBSTACLE_KINDS`.
 
-    velocity: of its origin, world (3,) [m/s]; pose: pose_world_body
+    velocity: of its origin, world (3,) [m/s]
+    pose: pose_world_body
     """
 
     name: str
@@ -57,7 +58,8 @@ class Sighted:
 class Body:
     """A thing of the scene or a machine as it is now. kind: as in `OBSTACLE_KINDS`; solids: in the world.
 
-    pose: pose_world_body; velocity: of its origin, world (3,) [m/s]
+    pose: pose_world_body
+    velocity: of its origin, world (3,) [m/s]
     middle, half: of a box around it in its own frame, (3,) [m]
     rcs_dbsm: radar cross section at 24 and 77 GHz, None where it is that of its solids
     """
@@ -384,9 +386,13 @@ class Landing:
 class SiteSetup:
     """What a component of the machine or a sensor may know, the truth included.
 
-    field: the one truth; machine: data-sheet geometry; start: pose_world_machine at t = 0
-    edge_side: `left` or `right`, the end of the header that follows the edge
-    period [s] of the component; name: of the machine; obstacles: in the world; bodies: of all machines
+    field: the one truth
+    machine: data-sheet geometry
+    start: pose_world_machine at t = 0
+    edge_side: `left` or `right`, the end of the header that follows the edge period [s] of the component
+    name: of the machine
+    obstacles: in the world
+    bodies: of all machines
     base: folder that relative file names start from
     origin: where on Earth the world's origin lies, if that is known
     edge: line of the initial edge that the machine follows, such as `field.edges["west"].shape`

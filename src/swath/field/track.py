@@ -54,9 +54,12 @@ class Way:
 
 @dataclass(frozen=True)
 class Piece:
-    """A line (curvature 0) or an arc. x, y: start [m]; heading there [rad]; length [m]; curvature [1/m],
-    > 0 bends left. s: of its start. turn_in, turn_out: headings [rad] that decide the side of what lies
-    nearest to its start and to its end: half way between this piece's heading and its neighbour's.
+    """A line (curvature 0) or an arc.
+
+    x, y: start [m]; heading there [rad]; length [m]; curvature [1/m], > 0 bends left
+    s: of its start
+    turn_in, turn_out: headings [rad] that decide the side of what lies nearest to its start and to its end:
+        half way between this piece's heading and its neighbour's
     """
 
     x: float

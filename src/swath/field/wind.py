@@ -53,8 +53,10 @@ class Wind:
 class Sway:
     """A wind as rays need it, in the stand frame.
 
-    toward: unit vector along the wind; steady, amplitude: slopes [m aside per m of height]; wave, gust: wave
-    vectors of the two waves [cycles/m]; period: of the first [ns]
+    toward: unit vector along the wind
+    steady, amplitude: slopes [m aside per m of height]
+    wave, gust: wave vectors of the two waves [cycles/m]
+    period: of the first [ns]
     """
 
     toward: tuple[float, float]

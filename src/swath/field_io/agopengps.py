@@ -72,8 +72,11 @@ class Line:
 
 @dataclass(frozen=True)
 class AgOpenGpsField:
-    """A field in metres of its plane, (n, 2) each. rings: the boundary, then islands in it; headlands: their
-    inner lines; notes: what was not used.
+    """A field in metres of its plane, (n, 2) each.
+
+    rings: the boundary, then islands in it
+    headlands: their inner lines
+    notes: what was not used
     """
 
     plane: Plane

@@ -39,10 +39,13 @@ REASONS = (
 class Cleaned:
     """A log with the verdict on each record, shape (n,).
 
-    cutting: header in the crop, in turns too; reason: index into REASONS, -1 = kept
-    flow: delay removed [kg/s], nan = unknown; grain: yield as harvested [kg/m2], nan = unknown
+    cutting: header in the crop, in turns too
+    reason: index into REASONS, -1 = kept
+    flow: delay removed [kg/s], nan = unknown
+    grain: yield as harvested [kg/m2], nan = unknown
     pass_id: -1 = not in a pass, else 0.. in driven order
-    course: of travel, counter-clockwise from east [rad]; distance: along the track from its start [m]
+    course: of travel, counter-clockwise from east [rad]
+    distance: along the track from its start [m]
     """
 
     log: Log

@@ -88,8 +88,10 @@ FLOWS = ("grain_flow", "yield", "dry_yield")  # the first one that a log has cou
 class Column:
     """A column of the file and the unit its numbers have.
 
-    is_assumed: nothing in the file says the unit; of_format: logs of its form usually have it; is_given: the
-    user says it; is_shown: the data shows it
+    is_assumed: nothing in the file says the unit
+    of_format: logs of its form usually have it
+    is_given: the user says it
+    is_shown: the data shows it
     """
 
     column: str
@@ -115,7 +117,8 @@ class Column:
 class ColumnMap:
     """Canonical name -> column. profile: how it was found. crs: of easting and northing, '' = not stated.
 
-    axes: 'xy' or 'yx', the order of the two numbers of a shape, '' = not stated; header: all columns
+    axes: 'xy' or 'yx', the order of the two numbers of a shape, '' = not stated
+    header: all columns
 
     beside: further columns of grain that do not count, but say something of the units of that which does
     """

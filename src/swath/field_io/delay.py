@@ -318,8 +318,10 @@ def _usual(flow: Array) -> float:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Records with flow between such without. rise, fall: when it begins and ends [s], nan = the log does not
-    show it; forward: of the machine, in the middle [s], shape (2,).
+    """Records with flow between such without.
+
+    rise, fall: when it begins and ends [s], nan = the log does not show it
+    forward: of the machine, in the middle [s], shape (2,)
     """
 
     middle: float

@@ -64,11 +64,15 @@ STAGED = f"field{PART}"  # a folder in it, of what is being made
 class FieldFolder:
     """A field in its local frame: x east, y north [m] from the origin, z up from the origin's height.
 
-    boundary: counter-clockwise, not closed, shape (n, 2) [m]; holes: areas inside without crop, same form
+    boundary: counter-clockwise, not closed, shape (n, 2) [m]
+    holes: areas inside without crop, same form
     row_azimuth: main driving direction, clockwise from north [rad], in [0, pi)
     tracks: driven passes in driven order
-    terrain: height above the origin [m]; stems: ears per m2; height: of the crop [m]; moisture: of the grain,
-    share of wet mass; grain: yield as harvested [kg/m2]; nan where there is none (no crop, or not known)
+    terrain: height above the origin [m]
+    stems: ears per m2
+    height: of the crop [m]
+    moisture: of the grain, share of wet mass
+    grain: yield as harvested [kg/m2]; nan where there is none (no crop, or not known)
     obstacles: GeoJSON geometry (local metres) and properties of each, empty when there is no such file
     info: field.yaml as read
     """

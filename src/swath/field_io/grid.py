@@ -24,7 +24,8 @@ NEAREST = 48  # records that count for a cell
 class Maps:
     """Maps on the same cells, nan = no crop known. grain [kg/m2], stems [1/m2], moisture [share of wet mass].
 
-    clipped_count: cells whose stems were clipped; filled_count: cells between records, filled from farther
+    clipped_count: cells whose stems were clipped
+    filled_count: cells between records, filled from farther
     """
 
     grain: Raster

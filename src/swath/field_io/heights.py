@@ -23,9 +23,11 @@ LEAST_GAIN = 0.85  # offsets are used only when they bring the step between pass
 class Heights:
     """Terrain fitted to a log.
 
-    raster: height [m] as logged less the pass offsets; offset: of each pass [m], shape (pass_count,)
+    raster: height [m] as logged less the pass offsets
+    offset: of each pass [m], shape (pass_count,)
     step_before, step_after: robust sd of the height step between neighbouring passes [m]
-    outlier_count: records dropped; missing_count: records of passes without a height
+    outlier_count: records dropped
+    missing_count: records of passes without a height
     far_share: share of cells too far from any record, where the surface is only carried on smoothly
     """
 

@@ -60,10 +60,12 @@ FEW_USED = 0.5  # of the records, that are not
 class Settings:
     """How to import. cell_m, terrain_cell_m: edges of map cells; flow_delay_s: None = estimate per machine.
 
-    header_width_m: for logs that hold none; crop: data sheet, None = what the log says;
-    grain_g_per_stem: None = the crop's own; crop_height_m: for logs that hold none, None = the crop's own;
-    as_map: stand and yield of records in any order, without passes; part: of a log with several fields or
-    harvests, counted from 1
+    header_width_m: for logs that hold none
+    crop: data sheet, None = what the log says
+    grain_g_per_stem: None = the crop's own
+    crop_height_m: for logs that hold none, None = the crop's own
+    as_map: stand and yield of records in any order, without passes
+    part: of a log with several fields or harvests, counted from 1
     """
 
     cell_m: float = 5.0

@@ -77,8 +77,9 @@ class TimeLog:
     """One TLG. time: shape (n,), ms, NaT before the terminal knew the date; lat, lon [deg], up [m], nan =
     none; position: the other fields by name.
 
-    values: shape (n, channel_count), in the channels' units, the last one logged; problems: what was left
-    out, each with file and byte; unread: bytes that were skipped, at so many places: gaps
+    values: shape (n, channel_count), in the channels' units, the last one logged
+    problems: what was left out, each with file and byte
+    unread: bytes that were skipped, at so many places: gaps
     """
 
     name: str

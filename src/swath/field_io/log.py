@@ -66,8 +66,11 @@ class Log:
     """Records sorted by machine, then time; all arrays have one entry per record, shape (n,).
 
     machine: index into machine_names; time [s]; duration [s] since the record before; east, north [m] in
-    epsg; elevation [m], nan = none; speed [m/s]; width: of the header in use [m]; flow: grain [kg/s];
-    moisture: share of the wet mass, nan = none; crop_height [m], nan = none; crop: data sheet
+        epsg; elevation [m], nan = none; speed [m/s]
+    width: of the header in use [m]
+    flow: grain [kg/s]
+    moisture: share of the wet mass, nan = none; crop_height [m], nan = none
+    crop: data sheet
     row_number: line or record of the file
     row_count: rows in the file. broken: reason -> rows left out. notes: what was assumed.
     """

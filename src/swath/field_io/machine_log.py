@@ -32,9 +32,11 @@ GRADE_RECORDS, GRADE_WAY, STEEPEST = 5, 5.0, 0.25  # to either side; m; rise ove
 class MachineLog:
     """Records sorted by machine, then time; arrays have one entry per record, shape (n,).
 
-    machine: index into machine_names; time [s]; duration [s] since the record before; gap: does not follow
-    the one before; speed [m/s]; width: of the header [m], nan = not logged; flow: crop as logged [kg/s],
-    0 where the header does not work; grade: rise over way, 0 where no height is logged
+    machine: index into machine_names; time [s]; duration [s] since the record before
+    gap: does not follow the one before; speed [m/s]
+    width: of the header [m], nan = not logged
+    flow: crop as logged [kg/s], 0 where the header does not work
+    grade: rise over way, 0 where no height is logged
     measured: of engine_load (share), engine_speed [rad/s], fuel [m3/s] those that the log has, nan = missing
     notes: what was assumed or could not be read
     """

@@ -35,8 +35,10 @@ NAMES = ("name", "field", "fieldname", "field_name", "title", "schlag", "parcell
 
 @dataclass(frozen=True)
 class Outlines:
-    """Areas of crop that a boundary file holds, largest first, in metres of a system. names: of the areas, ''
-    where the file has none; notes: what within them was taken as what.
+    """Areas of crop that a boundary file holds, largest first, in metres of a system.
+
+    names: of the areas, '' where the file has none
+    notes: what within them was taken as what
     """
 
     areas: tuple[Any, ...]

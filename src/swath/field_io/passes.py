@@ -37,9 +37,11 @@ class Straight:
 class Track:
     """One driven pass. line: positions as logged (antenna), local east and north [m], shape (n, 2).
 
-    index: in driven order; header_width: of the machine, all sections [m]; mean_speed [m/s]
+    index: in driven order
+    header_width: of the machine, all sections [m]; mean_speed [m/s]
     start_time: from the machine's first record [s]
-    azimuth: mean direction, clockwise from north [rad]; length [m]; straights: its straight windows
+    azimuth: mean direction, clockwise from north [rad]; length [m]
+    straights: its straight windows
     """
 
     line: Array

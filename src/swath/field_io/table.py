@@ -51,8 +51,10 @@ class Table:
     """Columns of a log as read. columns: name -> its cells as text, list or array; all as long as row_number.
 
     row_number: line of the text file, or record number of the shapefile, counted from 1
-    points: (x, y) of each record, shape (n, 2), when the file has geometry; crs: of the points (WKT), or ''
-    broken: reason -> rows left out while reading; notes: what could not be read, file and byte
+    points: (x, y) of each record, shape (n, 2), when the file has geometry
+    crs: of the points (WKT), or ''
+    broken: reason -> rows left out while reading
+    notes: what could not be read, file and byte
     units: column -> unit, and crop: what the maker's metadata say beside the table
     stated_width: of the header [m], shape (n,), that the machines state and no record holds
     """

@@ -63,7 +63,9 @@ class Polygon(NamedTuple):
 class Pattern:
     """Guidance as it is stored. kind: of PATTERNS; types: of its points, lon/lat [deg], shape (n, 2).
 
-    heading: clockwise from north [deg], radius [m], nan = none; turn: of a pivot; name: of its tracks
+    heading: clockwise from north [deg], radius [m], nan = none
+    turn: of a pivot
+    name: of its tracks
     """
 
     kind: str
@@ -171,8 +173,11 @@ class Task(NamedTuple):
 class Description:
     """What TASKDATA.XML and the files it refers to say; ids are those of the file.
 
-    values: by device and DDI; logs: name -> task; owners: device element -> device
-    problems: what could not be read; unused: name -> count
+    values: by device and DDI
+    logs: name -> task
+    owners: device element -> device
+    problems: what could not be read
+    unused: name -> count
     """
 
     parts: dict[str, Part] = field(default_factory=dict)

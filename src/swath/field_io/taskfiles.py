@@ -87,8 +87,11 @@ class Node:
 
 @dataclass
 class Tree:
-    """An XML file. top: holds its outermost element; others: tag -> count of elements of kinds that are not
-    read, without what is inside them; problem: the first mistake, with its byte, up to which it is read.
+    """An XML file.
+
+    top: holds its outermost element
+    others: tag -> count of elements of kinds that are not read, without what is inside them
+    problem: the first mistake, with its byte, up to which it is read
     """
 
     top: Node

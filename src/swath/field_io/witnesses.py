@@ -118,8 +118,10 @@ AT = Thresholds()
 class Drive:
     """What positions show without any unit.
 
-    middle: lon, lat [deg]; here, after: records and those that follow them, shape (m,); step: way between
-    them [m]; spacing: between neighbouring parallel passes [m], nan = not regular
+    middle: lon, lat [deg]
+    here, after: records and those that follow them, shape (m,)
+    step: way between them [m]
+    spacing: between neighbouring parallel passes [m], nan = not regular
     """
 
     middle: tuple[float, float]
@@ -198,8 +200,11 @@ def _spacing(position: Array, drive: Drive, cutting: Mask, season: Indices) -> f
 
 @dataclass(frozen=True)
 class Logged:
-    """What a log says. raw: columns, and those beside, in their own units; time: in clock_units, None = no
-    clock; course: clockwise from north [deg]; width: of the header, where no column says it [m].
+    """What a log says.
+
+    raw: columns, and those beside, in their own units
+    time: in clock_units, None = no clock course: clockwise from north [deg]
+    width: of the header, where no column says it [m]
     """
 
     columns: Mapping[str, Column]

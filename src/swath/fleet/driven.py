@@ -138,8 +138,11 @@ class _Pour:
 
 
 class _Mover:
-    """A machine on its path. at: how far it has come [m]; speed [m/s]; k: number of its segment among its
-    own; since: when it entered it [s].
+    """A machine on its path.
+
+    at: how far it has come [m]; speed [m/s]
+    k: number of its segment among its own
+    since: when it entered it [s]
     """
 
     def __init__(self, machine: Combine | Cart, segments: list[Segment]) -> None:

@@ -160,8 +160,9 @@ class TruckSettings:
 @dataclass(frozen=True)
 class FleetSettings:
     """dispatcher: `horizon`, `greedy`, or a Python class of your own as `my.py:Class`, see dispatcher.py;
-    plans: most that are compared, the best one is taken; draw: number by which the estimates of `horizon` are
-    off at random, as some of these plans have it, 0: they are not.
+    plans: most that are compared, the best one is taken
+    draw: number by which the estimates of `horizon` are off at random, as some of these plans have it, 0:
+        they are not.
     """
 
     dispatcher: str = "horizon"
@@ -191,8 +192,11 @@ class JobKeys:
 
 @dataclass(frozen=True, kw_only=True)
 class JobFile(JobKeys):
-    """A job as read. drawn: lines of its file, [x, y] as passes are [m]; yields: middles of squares of its
-    log, x, y [m], and what it has there [kg/m2]; notes: notes on it.
+    """A job as read.
+
+    drawn: lines of its file, [x, y] as passes are [m]
+    yields: middles of squares of its log, x, y [m], and what it has there [kg/m2]
+    notes: notes on it
     """
 
     drawn: tuple[Line, ...] = ()

@@ -51,10 +51,13 @@ def shapely_here() -> Any:
 
 @dataclass
 class Grid:
-    """Free ground in cells, shape (n, m). west, south: of the first [m]; cell [m]; edge: of the middle of
-    each, the distance to closed ground, < 0 in it [m], 9 beyond 2 m; free_from: the time from which no
-    crop stands there [s], -1 for ground without crop, -2 for closed ground, 1e18 for crop that stays;
-    changed: rows and columns in which crop was cut, in order.
+    """Free ground in cells, shape (n, m).
+
+    west, south: of the first [m]; cell [m]
+    edge: of the middle of each, the distance to closed ground, < 0 in it [m], 9 beyond 2 m
+    free_from: the time from which no crop stands there [s], -1 for ground without crop, -2 for closed ground,
+        1e18 for crop that stays
+    changed: rows and columns in which crop was cut, in order
     """
 
     west: float

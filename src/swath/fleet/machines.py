@@ -193,9 +193,13 @@ def body_of(sheet: MachineSheet) -> Body:
 
 @dataclass(frozen=True, order=True)
 class Drive:
-    """How a machine drives on ways. radius: of its tightest turn [m]; turning, straight, backwards: speeds
-    [m/s], 0 where it does not reverse; accel: of its speed, up and down [m/s2]; shift: from forwards to
-    backwards or back [s]; steering: how fast its curvature changes [1/(m s)].
+    """How a machine drives on ways.
+
+    radius: of its tightest turn [m]
+    turning, straight, backwards: speeds [m/s], 0 where it does not reverse
+    accel: of its speed, up and down [m/s2]
+    shift: from forwards to backwards or back [s]
+    steering: how fast its curvature changes [1/(m s)]
     """
 
     radius: float

@@ -41,7 +41,8 @@ JUMPS = 0.01  # share of records to which it jumps, above which they are of two 
 class Between:
     """From one pass to the next: begin [s], way driven and planned [m], time [s] without stops, stop [s].
 
-    hidden: turned over pauses of the record [rad]; records: between the passes
+    hidden: turned over pauses of the record [rad]
+    records: between the passes
     """
 
     begin: float
@@ -62,7 +63,9 @@ class Between:
 class Day:
     """passes as lines (n, 2) [m] in the log's system; begin [s], time [s] without stops, length [m] of each.
 
-    stop: within passes [s]; total: first to last record [s]; width: of the header [m].
+    stop: within passes [s]
+    total: first to last record [s]
+    width: of the header [m].
     """
 
     lines: tuple[Array, ...]

@@ -33,7 +33,7 @@ from swath.fleet.table import Path, Table, segments, standing
 from swath.fleet.ways import PARAMS as WAYS
 from swath.fleet.ways import Far, Finder, Track, behind, driven, straight, times_along
 from swath.fleet.yard import PARAMS as YARD
-from swath.fleet.yard import WIDE, Waits, along_passes, service_places, waiting_places
+from swath.fleet.yard import WIDE, Home, Waits, along_passes, service_places, waiting_places
 
 Array = NDArray[np.float64]
 LEFT_KG = 1e-6  # of grain, that is none
@@ -152,8 +152,10 @@ class _Trip:
 
 @dataclass(frozen=True)
 class Poured:
-    """Grain handed over. source, target: machines; amount [kg]; begins, ends [s]; during: first and last
-    segment of the source in which it is.
+    """Grain handed over.
+
+    source, target: machines; amount [kg]; begins, ends [s]
+    during: first and last segment of the source in which it is
     """
 
     source: str
@@ -244,16 +246,25 @@ def schedule_of(job: JobFile, base: FilePath | None = None, dispatcher: Dispatch
 
 
 class Scheduler:
-    """Decides one plan of a job. dispatcher: by default that of the job."""
+    """Decides one plan of a job.
 
-    def __init__(self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher | None = None) -> None:
+    dispatcher: by default that of the job
+    like: of the same job but for `fleet`, whose passes and waiting places are taken
+    """
+
+    def __init__(
+        self, job: JobFile, base: FilePath | None, dispatcher: Dispatcher | None = None,
+        like: "Scheduler | None" = None,
+    ) -> None:  # fmt: skip
         machines = machines_of(job, base)
         ground = Ground(job, body_of(machines.truck))
-        plan = plan_of(ground, machines.combines, job.plan, job.drawn)
+        self.kept: dict[str, Home]
+        self.schedule: Schedule
+        plan = like.schedule.plan if like else plan_of(ground, machines.combines, job.plan, job.drawn)
         self.job, self.ground, self.machines = job, ground, machines
         self.dispatcher = dispatcher or dispatcher_of(job.fleet.dispatcher, base, job.fleet.draw)
         self.finder = Finder(ground.grid, min(c.width for c in machines.combines))
-        self.kept = waiting_places(ground, self.finder, self.waits())
+        self.kept = like.kept if like else waiting_places(ground, self.finder, self.waits())
         out = [k.name for k in machines.carts if k.name not in self.kept]
         notes = [
             *job.notes,
@@ -687,6 +698,7 @@ class Scheduler:
                 first = find(way.start, in_line=WAYS.line_deg)
                 if first is not None:
                     return behind(first, way, body)
+                break
         return find(goal, in_line=line)
 
     def names(self) -> list[str]:
@@ -818,8 +830,10 @@ class Scheduler:
         self, c: CombineState, k: CartState, leg: _Leg, levels: Array, meets: list[list[int]],
         times: list[float] | None, start: Start,
     ) -> tuple[Option, Any] | None:  # fmt: skip
-        """A cart drives beside the combine in its pass, over cut ground, and is poured into. meets: who is
-        met on the leg; times: its first ones [s].
+        """A cart drives beside the combine in its pass, over cut ground, and is poured into.
+
+        meets: who is met on the leg
+        times: its first ones [s]
         """
         ahead, left = beside(c.spec, k.spec)
         run = self.free_lane(c, k, leg)
@@ -890,8 +904,9 @@ class Scheduler:
     def free_again(
         k: CartState, exits: tuple[bool, float, list[Poured]], over: float, load: float
     ) -> tuple[float, float]:
-        """From when on a cart can set out to another load [s], and the room in its box then [kg]. over: when
-        it has taken a load [s].
+        """From when on a cart can set out to another load [s], and the room in its box then [kg].
+
+        over: when it has taken a load [s]
         """
         empties, home, _ = exits
         return (home, k.spec.load) if empties else (over, k.room - load)

@@ -58,7 +58,8 @@ def best_of(
         ends = math.inf
         try:
             if kept is None or least_time(own, _those_in(own, first.machines), first.ground) < kept.ends:
-                made = first if own is job else Scheduler(own, base)
+                like = first if replace(own, fleet=job.fleet) == job else None
+                made = first if own is job else Scheduler(own, base, like=like)
                 made.run(kept)
                 ends = made.schedule.ends = by_events(made.schedule).ends
                 best = (own, made.schedule) if kept is None or ends < kept.ends else best
@@ -75,7 +76,8 @@ def best_of(
     schedule.bound, schedule.compared = bound, compared
     away = [n for n in (*job.combines, *job.carts) if n not in own.combines and n not in own.carts]
     if away:
-        schedule.notes.append(f"{' and '.join(away)} stay away: no plan with all of them ends earlier")
+        why = "of the plans compared none with all machines ends earlier"
+        schedule.notes.append(f"not used: {', '.join(away)}; {why}")
     return own, schedule
 
 

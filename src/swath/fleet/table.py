@@ -52,9 +52,9 @@ BLOCK = 16  # segments of the table whose box is looked at first
 class Swept:
     """Outlines of what a body sweeps over each segment of a path, one of each of its rectangles.
 
-    points: their corners, anticlockwise [m], (n, 2); starts: the first of each outline, and how many there
-    are in all, (segments * rects + 1,). An index gives polygons of shapely, (rects,) of a segment, (n, rects)
-    of a slice
+    points: their corners, anticlockwise [m], (n, 2)
+    starts: the first of each outline, and how many there are in all, (segments * rects + 1,). An index gives
+        polygons of shapely, (rects,) of a segment, (n, rects) of a slice
     """
 
     points: Array
@@ -244,8 +244,10 @@ class Path:
 
 
 def segments(track: Track, times: Array, body: Body, kind: str, marks: Array | None = None) -> Path:
-    """A track as segments. times: at its samples [s]; marks: distances where segments end [m], else by
-    length.
+    """A track as segments.
+
+    times: at its samples [s]
+    marks: distances where segments end [m], else by length
     """
     cuts = _cuts(track) if marks is None else np.unique(np.searchsorted(track.distance, marks - 1e-6))
     cuts = np.unique(np.concatenate([[0], cuts, [len(track.places) - 1]]))
@@ -279,8 +281,12 @@ def standing(place: Place, body: Body, spent: float, kind: str) -> Path:
 
 @dataclass
 class Segment:
-    """One of the table. path, index: which of a path; into, out: times of entry and of leaving [s]; next: the
-    one that the machine enters then, -1 if none is known; is_off: whether it was taken off.
+    """One of the table.
+
+    path, index: which of a path
+    into, out: times of entry and of leaving [s]
+    next: the one that the machine enters then, -1 if none is known
+    is_off: whether it was taken off
     """
 
     number: int
@@ -512,9 +518,9 @@ class Table:
 class Order:
     """The order of a table for execution, without its times.
 
-    spent: least time in each segment [s]; before: for each segment those that are entered before it, and
-    whether their time is over then; groups: segments that are entered at once, in an order in which each
-    depends on earlier ones alone
+    spent: least time in each segment [s]
+    before: for each segment those that are entered before it, and whether their time is over then
+    groups: segments that are entered at once, in an order in which each depends on earlier ones alone
     """
 
     spent: Array

@@ -36,22 +36,29 @@ POINT = Body((Rectangle(0.0, 0.0, 0.0, 0.0),))
 class Params:
     """poses: half of it are looked at, and more to a goal farther off, a twelfth of it once a way is found.
 
-    creep_m_s: at which a bend that cannot be eased is driven; ramp_m: over which bends grow and fade, a
-    combine's steering at walking pace; ease: weight of a bend that is changed against a metre of length;
-    ease_m: of a piece that counts so; shrink: share of a piece that is left at least, sharper: by which a
-    bend changes at most in a step of easing; rolled: times of the least that a way can take, up to which a
-    turn that is rolled through is taken without a search; stray_m: that an eased way may be nearer to closed
-    ground than the searched one; near: radii, within which a turn is tried before a search; line_deg: of a
-    trailer that is in line at the end of a way, a third of it beside a header, where its end is off less
-    than the lane is clear; of the search: shot_m: to the goal, within which each pose is joined to it,
-    farther off each 16th; later_s: ground that is free so much after the start counts in the estimate of
-    what is left, which counts `weight` times; off_m: more of it where no way with turns is known; rough_m:
-    by what it may be too far with turns; bend_rad: of a trailer at the end of a bend, which comes in line on
-    a straight; poses_m: that are looked at for each metre to the goal. Estimates, those of the search such
-    that drawn fields are planned fast.
+    creep_m_s: at which a bend that cannot be eased is driven
+    ramp_m: over which bends grow and fade, a combine's steering at walking pace
+    ease: weight of a bend that is changed against a metre of length
+    ease_m: of a piece that counts so
+    shrink: share of a piece that is left at least, sharper: by which a bend changes at most in a step of
+        easing
+    rolled: times of the least that a way can take, up to which a turn that is rolled through is taken without
+        a search
+    stray_m: that an eased way may be nearer to closed ground than the searched one
+    near: radii, within which a turn is tried before a search
+    line_deg: of a trailer that is in line at the end of a way, a third of it beside a header, where its end
+        is off less than the lane is clear; of the search: shot_m: to the goal, within which each pose is
+        joined to it, farther off each 16th
+    later_s: ground that is free so much after the start counts in the estimate of what is left, which counts
+        `weight` times
+    off_m: more of it where no way with turns is known
+    rough_m: by what it may be too far with turns
+    bend_rad: of a trailer at the end of a bend, which comes in line on a straight
+    poses_m: that are looked at for each metre to the goal. Estimates, those of the search such that drawn
+        fields are planned fast.
     """
 
-    poses: int = 6_000
+    poses: int = 3_000
     creep_m_s: float = 0.3
     ramp_m: float = 3.0
     ease: float = 0.1

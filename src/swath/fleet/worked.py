@@ -247,8 +247,10 @@ def state_of(segment: Segment) -> str:
 
 
 def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: float) -> list[Span]:
-    """What a machine does in the least time of a segment from its entry on [s]. poured: into trucks there, by
-    the plan's times; dock: until it stands beside the truck and is gone again [s].
+    """What a machine does in the least time of a segment from its entry on [s].
+
+    poured: into trucks there, by the plan's times
+    dock: until it stands beside the truck and is gone again [s]
     """
     end = begin + segment.spent
     here = [p for p in poured if p.during[0] == segment.number and p.target == "truck"]
@@ -265,8 +267,10 @@ def spans_in(segment: Segment, begin: float, poured: Sequence[Poured], dock: flo
 
 
 def waiting(table: Table, segment: Segment, begin: float, end: float, until: tuple[int, int]) -> Span:
-    """The span of a machine that stands at the end of a segment. until: the segment that it or its partner
-    enters next, and what has to be entered before; one that stands at its place waits for nothing.
+    """The span of a machine that stands at the end of a segment.
+
+    until: the segment that it or its partner enters next, and what has to be entered before; one that stands
+        at its place waits for nothing
     """
     if segment.kind in ("home", "to its place", "in the field") or segment.next < 0:
         return Span(IDLE, begin, end)

@@ -65,8 +65,10 @@ class Waits:
 
 @dataclass(frozen=True)
 class Home:
-    """A waiting place. ways: from it to the gate, from there to it, and the same for the truck; areas: of
-    each, kept free of others who wait.
+    """A waiting place.
+
+    ways: from it to the gate, from there to it, and the same for the truck
+    areas: of each, kept free of others who wait
     """
 
     place: Place

@@ -42,7 +42,7 @@ class Evaluation:
     setups: of each machine by its name; the first one's distance counts for windows of the field
     expect: limits of the scenario; those that evaluators bring along are added
     watchers: further evaluators of the field, which know more than a setup says; each has what it knows as
-    `scene`, which a saved state leaves out
+        `scene`, which a saved state leaves out
     """
 
     def __init__(

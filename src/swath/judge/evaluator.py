@@ -14,6 +14,7 @@ import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -149,8 +150,11 @@ class Event:
     """Something that happened during a run.
 
     t, end_t [ns]: when it began and ended; both are the same for what takes no time; end_t is None while it
-    lasts. kind: one word, as in `after: gap`; machine: to which it happened
-    x, y: place in the world [m]; distance: driven by the machine when it began [m]; text: one sentence
+    lasts. kind: one word, as in `after: gap`
+    machine: to which it happened
+    x, y: place in the world [m]
+    distance: driven by the machine when it began [m]
+    text: one sentence
     other: the second machine or the obstacle that takes part, if any
     end_distance: driven when it ended [m], nan while it lasts and for what takes no time
     because: why it happened: names and kinds of obstacles and machines, where the evaluator knows
@@ -267,7 +271,7 @@ class Evaluator(Protocol):
 
     METRICS: every metric it may give
     OF_FIELD: whether it is made once, sees the samples of all machines and gives metrics of the field;
-        otherwise it is made for each machine and sees that machine's samples only
+    otherwise it is made for each machine and sees that machine's samples only
     """
 
     METRICS: ClassVar[tuple[Metric, ...]]
@@ -340,8 +344,9 @@ class TakesSeen(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class SeesLive(Protocol, metaclass=ByMembers):
-    """One of these that has to look something up at the time of a sample. live: types of those; with
-    `rests_until` (`Rests`) it is shown all that it wants from then on.
+    """One of these that has to look something up at the time of a sample.
+
+    live: types of those; with `rests_until` (`Rests`) it is shown all that it wants from then on
     """
 
     @property
@@ -357,12 +362,13 @@ class Later:
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what a slot published at t [ns]."""
-        if isinstance(self, HasSignals) and not is_among(map(type, outputs.values()), self.SIGNALS):
+        kinds = tuple(map(type, outputs.values()))
+        if isinstance(self, HasSignals) and not is_among(kinds, self.SIGNALS):
             return
         self.take(Seen.of_one(slot, t, outputs))
         if isinstance(self, SeesLive):
             is_awake = isinstance(self, Rests) and t >= self.rests_until
-            if is_awake or is_among(map(type, outputs.values()), self.live):
+            if is_awake or is_among(kinds, self.live):
                 self.see_live(slot, t, outputs)
 
     def take(self, seen: Seen) -> None:
@@ -370,7 +376,8 @@ class Later:
         raise NotImplementedError
 
 
-def is_among(kinds: Iterable[type[Signal]], wanted: tuple[type[Signal], ...]) -> bool:
+@lru_cache(maxsize=4096)
+def is_among(kinds: tuple[type[Signal], ...], wanted: tuple[type[Signal], ...]) -> bool:
     """Whether samples of one of these types are wanted."""
     return any(issubclass(kind, wanted) for kind in kinds)
 

@@ -19,8 +19,9 @@ LATE_S = 2.0  # an event may become known this much after it happened
 class Window:
     """A part of a run; what is None sets no bound.
 
-    from_m, to_m: distance driven [m]; from_s, to_s: time [s]; with `after`, a kind of event, they count from
-    the event's end, with `before` backwards from its beginning
+    from_m, to_m: distance driven [m]
+    from_s, to_s: time [s]; with `after`, a kind of event, they count from the event's end, with `before`
+        backwards from its beginning
     """
 
     from_m: float | None = None
@@ -74,7 +75,8 @@ def restore(evaluator: Evaluator, state: Mapping[str, Any]) -> None:
 class EventFeed:
     """Tells of every event that a window hangs on, once, as soon as it has come so far.
 
-    sources: the evaluators that note events of the window's kind; subject: a machine, or `field`
+    sources: the evaluators that note events of the window's kind
+    subject: a machine, or `field`
     """
 
     def __init__(self, window: Window, sources: Sequence[HasEvents], subject: str) -> None:
@@ -123,7 +125,7 @@ class WindowedEvaluator:
     """Shows the samples inside a window to evaluators of their own, one for each event.
 
     make: a fresh evaluator. Samples before an event are kept for the length of the window, and shown when the
-    event has happened.
+        event has happened.
     """
 
     def __init__(self, window: Window, make: Callable[[], Evaluator], feed: EventFeed) -> None:

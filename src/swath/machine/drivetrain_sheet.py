@@ -42,9 +42,10 @@ class Engine:
 class Consumers:
     """Power at rated speed. header_width: per metre [W/m]; the *_work are per mass [J/kg]; others [W].
 
-    header_work, drum_work: of grain and straw; separation_work, chopper_work: of straw
-    speed_exponent: torque of the belts grows with engine speed to this power; 0 = the same at any speed,
-    1 = crop is accelerated to the speed of what it meets
+    header_work, drum_work: of grain and straw
+    separation_work, chopper_work: of straw
+    speed_exponent: torque of the belts grows with engine speed to this power; 0 = the same at any speed, 1 =
+        crop is accelerated to the speed of what it meets
     """
 
     header_width: Annotated[float, Quantity("kw_per_m", 0, 500, key="header")]
@@ -77,8 +78,11 @@ class Hydrostat:
 class Transport:
     """Delays [s] at the nominal flows [kg/s] of grain and straw (feed) and of grain (grain_feed).
 
-    header: knife to feeder house; header_spread: from the header's ends later than from its middle
-    feeder: to the drum; rotor: through the separation; shoe; returns: to the drum; elevator, elevator_lag
+    header: knife to feeder house
+    header_spread: from the header's ends later than from its middle
+    feeder: to the drum
+    rotor: through the separation; shoe
+    returns: to the drum; elevator, elevator_lag
     exponent: the header's and elevator's delay falls with flow^-exponent
     """
 
@@ -118,7 +122,8 @@ class Cleaning:
     """Shoe at its nominal flow of grain and chaff [kg/s].
 
     loss: share lost up to `knee` times that flow, then doubling every `doubling` of it
-    side_slope, up_slope: how much heavier a slope of 1 loads it; returns: share sent back, grows with flow
+    side_slope, up_slope: how much heavier a slope of 1 loads it
+    returns: share sent back, grows with flow
     """
 
     flow: Annotated[float, Quantity("kg_s", 0.1, 200, key="nominal")]

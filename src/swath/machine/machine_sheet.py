@@ -43,13 +43,17 @@ class Masses:
     """Masses [kg], places [m, machine frame], inertias [kg m2] of the parts and what is left of the tyres.
 
     roll_inertia, pitch_inertia: of the whole machine about its centre of gravity, header on, tank empty
-    header_x, header_z: centre of gravity of the header; feeder_x, feeder_z: pivot of the feeder
-    pivot_z: pendulum pivot of the rear axle above ground; pendulum: its stop [rad]; kingpin: kingpin inside
-    of the wheel's middle [m]
-    front_deflection, rear_deflection: of the tyre under its load [m]; front_section, rear_section: height [m]
+    header_x, header_z: centre of gravity of the header
+    feeder_x, feeder_z: pivot of the feeder
+    pivot_z: pendulum pivot of the rear axle above ground
+    pendulum: its stop [rad]
+    kingpin: kingpin inside of the wheel's middle [m]
+    front_deflection, rear_deflection: of the tyre under its load [m]
+    front_section, rear_section: height [m]
     tyre_damping: ratio of the vertical tyre spring
     load_sensitivity: cornering and slip stiffness over load go with load^-load_sensitivity
-    stiffness_along, friction_along: as the lateral ones; thrust: largest of the drive [N]; brake [N]
+    stiffness_along, friction_along: as the lateral ones
+    thrust: largest of the drive [N]; brake [N]
     ride_hz, ride_damping: of the front suspension, where one is fitted
     """
 
@@ -154,10 +158,13 @@ class Header:
 class Trailer:
     """What is hitched to a tractor. hitch_x: pin ahead of the fixed axle; drawbar: from the pin to the axle.
 
-    length: from the pin to the rear end; height: of the rim [m]; empty [kg]; volume [m3]
+    length: from the pin to the rear end
+    height: of the rim [m]; empty [kg]; volume [m3]
 
-    radius: of its tyres, loaded; relaxation: their length; cg_ahead: centre of gravity, empty, ahead of its
-    axle [m]; stiffness: cornering stiffness over load [1/rad]
+    radius: of its tyres, loaded
+    relaxation: their length
+    cg_ahead: centre of gravity, empty, ahead of its axle [m]
+    stiffness: cornering stiffness over load [1/rad]
     """
 
     hitch_x: Annotated[float, Quantity("m", -15, 5)]
@@ -223,7 +230,8 @@ class Sections:
 class MachineSheet(MachineGeometry):
     """A machine's geometry with its dynamics. It fits wherever the geometry is asked for.
 
-    type: which slots it has by itself; slots: name of a slot -> level, or `off`, instead of the type's own
+    type: which slots it has by itself
+    slots: name of a slot -> level, or `off`, instead of the type's own
     masses: of its parts, None for a sheet without the section `bodies`
     drivetrain: engine, threshing and cleaning, None for a sheet without the section `engine`
     trailer: what is hitched to it

@@ -21,7 +21,9 @@ class Traction:
     their rim speed, as in `multibody`. Forces are over the weight, `grade` is the rise of the ground ahead
     [m/m], slip is (rim speed - ground speed) / ground speed.
 
-    stiffness, friction: along, over load; relaxation: length of the slip along [m]; thrust: of the drive
+    stiffness, friction: along, over load
+    relaxation: length of the slip along [m]
+    thrust: of the drive
     level_share, grade_share: what they carry of the weight is level_share - grade_share * grade
     """
 

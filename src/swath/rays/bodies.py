@@ -24,10 +24,14 @@ EMPTY = 2e-6  # less projected area than this above a height stops no beam [m2]
 class BodyCaster:
     """Casts the beams of a buffer, one ray each; how deep one goes into crop is drawn by its normal number.
 
-    beams: their memory; apart: angle to the neighbour on the line [rad], (count,); line_count: lines of the
-    scanner, beams ordered by azimuth, then by line; 0 = neighbours draw independently
-    table: of the spread; crop_height: of the field's crop at scale 1 [m]; exit [m], divergence [rad]: of the
-    beam, mean of both directions; pitch: step through crop [m]
+    beams: their memory
+    apart: angle to the neighbour on the line [rad], (count,)
+    line_count: lines of the scanner, beams ordered by azimuth, then by line; 0 = neighbours draw
+        independently
+    table: of the spread
+    crop_height: of the field's crop at scale 1 [m]; exit [m], divergence [rad]: of the beam, mean of both
+        directions
+    pitch: step through crop [m]
     """
 
     def __init__(

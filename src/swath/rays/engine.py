@@ -27,10 +27,10 @@ NOT_COMPILED = "ray packets cannot be compiled on this machine: cast one by one,
 class RayCaster:
     """Casts rays into a field.
 
-    threads: CPU threads, default SWATH_THREADS or all cores; device: `cpu`, `cuda` or `cuda:0`, `cuda:1` ...,
-    default SWATH_DEVICE or `cpu`; notes: what its user should know, each once. On the CPU the kernels read
-    the field's own memory. On another device the plain kernel runs, on a copy of that memory that is renewed
-    after each change.
+    threads: CPU threads, default SWATH_THREADS or all cores
+    device: `cpu`, `cuda` or `cuda:0`, `cuda:1` ..., default SWATH_DEVICE or `cpu`; notes: what its user
+        should know, each once. On the CPU the kernels read the field's own memory. On another device the
+        plain kernel runs, on a copy of that memory that is renewed after each change.
     """
 
     def __init__(self, field: Field, *, threads: int | None = None, device: str | None = None) -> None:

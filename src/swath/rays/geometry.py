@@ -19,9 +19,12 @@ _TREES: WeakKeyDictionary[SolidMesh, dict[str, Any]] = WeakKeyDictionary()  # se
 class SolidList:
     """k solids in the world frame.
 
-    kind: (k,); centre: (k, 3) [m]; axes: (k, 3, 3), columns are the axes; half: (k, 3) half sizes [m], of a
-    capsule radius, radius, half length of its axis, of a mesh its box; bound: (k,) radius of a ball around it
-    [m]; reflectance; mesh: (k,), None for all other kinds
+    kind: (k,)
+    centre: (k, 3) [m]
+    axes: (k, 3, 3), columns are the axes
+    half: (k, 3) half sizes [m], of a capsule radius, radius, half length of its axis, of a mesh its box
+    bound: (k,) radius of a ball around it [m]; reflectance
+    mesh: (k,), None for all other kinds
     """
 
     kind: NDArray[np.int32]

@@ -53,11 +53,12 @@ LIMIT_M = 32.0  # heights beyond are not plants [m]
 class HeightGrid:
     """The grid. m = held tiles; tiles (ty, tx) cover the bounding box.
 
-    origin: (3,) world place of the local frame's corner [m]; yaw [rad]; cell: side of a cell [m]
+    origin: (3,) world place of the local frame's corner [m]; yaw [rad]
+    cell: side of a cell [m]
     table: (ty, tx) row of the pools, -1 = nothing measured there
     quantiles: (m, TILE, TILE, LEVELS) int16. First the lowest height above ground [mm], NONE = never
-    measured; from DEEP on the heights at SHARES [mm], rising; between the two the thickness times
-    PER_THICKNESS at the heights that cut the range from the lowest to that at DEEP into equal parts
+        measured; from DEEP on the heights at SHARES [mm], rising; between the two the thickness times
+        PER_THICKNESS at the heights that cut the range from the lowest to that at DEEP into equal parts
     thickness: (m, TILE, TILE) at the lowest height; < 0: nobody looked further down, its size counts
     count: (m, TILE, TILE) echoes in the cell itself (neighbours lend to cells with 0 of them)
     intensity: (m, TILE, TILE) mean of the echoes, nan = none

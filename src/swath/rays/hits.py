@@ -15,9 +15,10 @@ F64 = NDArray[np.float64]
 class Spots:
     """Beams with sub-rays; what `RayCaster.cast_bundles` takes.
 
-    origins: (n, 3) [m]; axes: (n, 3, 3), columns = beam direction, across, along, a frame
+    origins: (n, 3) [m]
+    axes: (n, 3, 3), columns = beam direction, across, along, a frame
     offsets: (1 or n, s, 5) of each sub-ray: where it leaves, across and along [m]; its slope, across and
-    along; 1 / length of (1, slopes)
+        along; 1 / length of (1, slopes)
     """
 
     origins: F64

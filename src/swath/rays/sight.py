@@ -20,9 +20,9 @@ class Sight:
     """What a sensor sees of a field. reach [m]: its beams end there.
 
     exit_diameter [m], divergence [rad, full angle]: what belongs to a beam lies within exit + divergence *
-    range around it. A beam ends where all of it is below the lowest ground of the pages around. Tiles from
-    which stems can lean into it belong to it, so that what a scan sees does not depend on other pages. Of
-    very many beams all pages within the reach are taken.
+        range around it. A beam ends where all of it is below the lowest ground of the pages around. Tiles
+        from which stems can lean into it belong to it, so that what a scan sees does not depend on other
+        pages. Of very many beams all pages within the reach are taken.
 
     Pages are brought in for all beams that start within MOVED and point within TURNED of the given ones: the
     next scans of a machine need no look.

@@ -36,9 +36,9 @@ class Spread:
     (k,), spot [m] (l,).
 
     quantile: (i, j, k, l, node_count) measured height over that height at `quantile_nodes`, falling; nan
-    nowhere
-    ground_share: (i, j, k, l); ground_lift: (i, j, k, l) mean measured height of ground returns [m]: crop in
-    the spot hides its far part
+        nowhere
+    ground_share: (i, j, k, l)
+    ground_lift: (i, j, k, l) mean measured height of ground returns [m]: crop in the spot hides its far part
     is_stubble: heights, too, go in logarithms: what a stem of stubble shades is proportional to them
     """
 
@@ -113,7 +113,7 @@ class SideSpread:
     """How much less the depth at an echo varies where a beam enters standing crop below its top.
 
     height: (k,) rising, of the place where it first meets crop, over the crop's height; from the last on all
-    is as from above
+        is as from above
     spot: (m,) rising diameters [m]
     factor: (2, k, m) on how far the log depth lies below and above that of `median`
     median: (m,) of the optical depth at the echo
@@ -142,9 +142,9 @@ class SpreadTable:
     side: of beams that enter standing crop through its side
 
     silhouette: (k, m) what a stem stops of thin rays above equal steps `fine` of the crop's relative height
-    [m2], from `view`, (k,) rising depressions [rad]: how crop adds up along a beam
+        [m2], from `view`, (k,) rising depressions [rad]: how crop adds up along a beam
     aside: (levels, n, 2) how far what is seen at a height stands aside of its foot, per crop height: along
-    and across the beam's heading, n a power of two; levels every `aside_step` of the relative height
+        and across the beam's heading, n a power of two; levels every `aside_step` of the relative height
     cosine: mean |cos| of incidence on crop, sets the intensity
     correlation: (c0, c1) [m, 1]: beams d apart at the crop correlate as exp(-d / (c0 + c1 * spot))
     about: source, range of validity, fit quality, as in the YAML beside the npz

@@ -54,7 +54,9 @@ CODES = {
 class Draft(NamedTuple):
     """A message that is only built when somebody wants it as an object.
 
-    t: its stamp [ns]; values: the numbers at `paths`; build: makes the message itself
+    t: its stamp [ns]
+    values: the numbers at `paths`
+    build: makes the message itself
     paths: of fields, `pose.position.x`, `points.3.x`. All else is the same in every message of the topic.
     variant: which of the topic's forms it has, of messages whose other contents differ
     """
@@ -331,11 +333,14 @@ OPTICAL_FRAME = "_optical"  # after the name of a camera's own frame, as REP 103
 class RecordedMachine:
     """What the recording needs to know of a machine.
 
-    name: its key in the scenario; geometry: its data sheet; edge_side: `left` or `right`
+    name: its key in the scenario
+    geometry: its data sheet
+    edge_side: `left` or `right`
     mounting: sensor slot (without the machine's name) -> pose_machine_sensor
     origin: where on Earth the world's origin lies, if that is known
     outputs: `slot.output` -> type of its samples, in the order of the slots
-    edge: the initial edge that it follows; start: where it stood at first
+    edge: the initial edge that it follows
+    start: where it stood at first
     scanners: slot -> (time from scan to scan [s], least range, greatest range [m]) of its data sheet
     lines: what a viewer draws on the field, name -> points (n, 3) in the world [m]
     is_first: of the machines of the run

@@ -76,8 +76,10 @@ def _nav_sat_fix(source: Source, fix: Fix) -> Any:
 def nav_sat_fix(
     make: MessageFactory, header: Any, status: int, place: Sequence[float], spread: Sequence[float] | None
 ) -> Any:
-    """sensor_msgs/NavSatFix. place: latitude, longitude [deg], height [m]; spread: variances of east, north
-    and up [m2], None without a fix.
+    """sensor_msgs/NavSatFix.
+
+    place: latitude, longitude [deg], height [m]
+    spread: variances of east, north and up [m2], None without a fix
     """
     return make(
         "sensor_msgs/msg/NavSatFix",

@@ -36,12 +36,12 @@ class Recorder:
     """Writes a run into its folder while it goes; call it with (slot, t, outputs).
 
     folder: exists already. machines: whose slots (`name.slot`) are recorded, and the scene with them; slots
-    of other names are not
+        of other names are not
     extra: per machine name, further columns of tracks.parquet
     detail: `none`: no file, the tracks are in memory alone; `standard`: a message of every sample; `exact`:
-    the samples bit for bit beside them; `full`: those of the large truth, too; `thinned`: as `exact` with
-    messages at most 10 times a second, of scans 5 times, of large truth 2.5 times. Taps of the file hear
-    fast outputs 50 times a second at most.
+        the samples bit for bit beside them; `full`: those of the large truth, too; `thinned`: as `exact` with
+        messages at most 10 times a second, of scans 5 times, of large truth 2.5 times. Taps of the file hear
+        fast outputs 50 times a second at most.
     scenario: as resolved, for whoever has run.mcap alone
 
     run.mcap is readable up to its last whole chunk at any time; `close` completes it and writes the tracks.
@@ -267,8 +267,10 @@ class Recorder:
 class _Sink:
     """Where the samples of an output go. part, source: its slot, and with the output, without the machine.
 
-    period: between two messages that taps hear [ns], 0 = all; alone: between two of a thinned recording that
-    nobody listens to; due: when the next is; left_out: samples without a message
+    period: between two messages that taps hear [ns], 0 = all
+    alone: between two of a thinned recording that nobody listens to
+    due: when the next is
+    left_out: samples without a message
     """
 
     part: str

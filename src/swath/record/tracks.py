@@ -43,7 +43,8 @@ class Column:
     later: called with the columns of `value` when the table is read, gives the whole column, (row_count,)
     is_by_row: `later` gives each value from its row alone
     source: what its value depends on alone, a key of the newest samples; None where it depends on more
-    field: of the newest sample of the source, "" where the value is not of one; number: from what it holds
+    field: of the newest sample of the source, "" where the value is not of one
+    number: from what it holds
     """
 
     name: str

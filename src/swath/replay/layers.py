@@ -39,8 +39,12 @@ MOST_SIDE = 4096  # longest texture that every graphics card takes
 class Area:
     """A rectangle of tiles in the stand frame.
 
-    tile: side T [m]; first: index of the lower left tile (x, y); shape: tiles (ny, nx)
-    shown: (ny, nx), tiles near a way; cells: cut cells along a tile; until_s: ways up to there are inside
+    tile: side T [m]
+    first: index of the lower left tile (x, y)
+    shape: tiles (ny, nx)
+    shown: (ny, nx), tiles near a way
+    cells: cut cells along a tile
+    until_s: ways up to there are inside
     """
 
     tile: float

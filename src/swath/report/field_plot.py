@@ -91,8 +91,11 @@ SLICE = 0.1  # of an outline, along x [m]
 class MapTrack:
     """A machine's way on the map; world points [m], shape (n, 2).
 
-    header_ends: left and right path; axle: of the fixed axle's centre; outline: of the machine at the end
-    side: `left` or `right`, the header end that follows the edge; has_header: it cuts
+    header_ends: left and right path
+    axle: of the fixed axle's centre
+    outline: of the machine at the end
+    side: `left` or `right`, the header end that follows the edge
+    has_header: it cuts
     """
 
     name: str

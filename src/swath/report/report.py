@@ -172,8 +172,10 @@ def _draw_boxes(ax: Any, boxes: ImageBoxes) -> None:
 class MachineReport:
     """What a report shows of one machine. What is None or empty is left out.
 
-    tracks: its columns, as from `Recorder.tracks[name].arrays()`; path, edges: what its evaluators saw
-    scans: by scanner slot, from `ScanSampler.pick`, the newest last; edge: initial, (k, 2) world [m]
+    tracks: its columns, as from `Recorder.tracks[name].arrays()`
+    path, edges: what its evaluators saw
+    scans: by scanner slot, from `ScanSampler.pick`, the newest last
+    edge: initial, (k, 2) world [m]
     pictures: by camera slot, from `PictureSampler.pick`
     """
 
@@ -190,10 +192,13 @@ class MachineReport:
 class ReportData:
     """Everything a report shows. What is None or empty is left out. `collect` makes it after a run.
 
-    summary: as in summary.json (see `judge.summary.make_summary`); scenario: the resolved YAML
+    summary: as in summary.json (see `judge.summary.make_summary`)
+    scenario: the resolved YAML
     map: from `make_map`
-    obstacles: (x, y, radius) [m]; driven: a track driven in reality, (n, 2) world [m]
-    default_lines: numbers, from 1, of the lines of `scenario` that nobody wrote; known: the evaluators
+    obstacles: (x, y, radius) [m]
+    driven: a track driven in reality, (n, 2) world [m]
+    default_lines: numbers, from 1, of the lines of `scenario` that nobody wrote
+    known: the evaluators
     unloading: grain handed over from machine to machine
     """
 

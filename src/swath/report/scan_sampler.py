@@ -20,10 +20,12 @@ BAND = 64  # rows of a map that are looked up together
 class KeptScan:
     """A scan with what was true and what was detected at its time.
 
-    slot: that scanned; points: echoes as the sensor believes them, in the machine frame by the nominal
-    mounting [m], (n, 3); hits: the same echoes as they really were, in the world [m], (n, 3), empty when
-    there is no truth; pose: true pose_world_machine
-    edge: detected, None on a machine without edge detection; edge_true: y at its reference_x [m], nan = none
+    slot: that scanned
+    points: echoes as the sensor believes them, in the machine frame by the nominal mounting [m], (n, 3)
+    hits: the same echoes as they really were, in the world [m], (n, 3), empty when there is no truth
+    pose: true pose_world_machine
+    edge: detected, None on a machine without edge detection
+    edge_true: y at its reference_x [m], nan = none
     """
 
     slot: str
@@ -132,8 +134,10 @@ class Standing(Protocol):
 class FieldMap:
     """The field seen from above, turned so that the run goes from left to right.
 
-    origin: world point of the picture's (0, 0) [m]; turn: heading of the picture's x axis in the world [rad]
-    extent: left, right, bottom, top [m] in picture coordinates; standing: (ny, nx) bool, row 0 at the bottom
+    origin: world point of the picture's (0, 0) [m]
+    turn: heading of the picture's x axis in the world [rad]
+    extent: left, right, bottom, top [m] in picture coordinates
+    standing: (ny, nx) bool, row 0 at the bottom
     straw: (ny, nx) depth [m], or None
     """
 

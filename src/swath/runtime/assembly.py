@@ -128,7 +128,7 @@ def check_room(scenario: Scenario, machine: Machine, field: Field) -> None:
             raise InputError("run.distance_m", distance, expected)
 
 
-DEVICES = "swath.link.levels.device"  # loaded where a scenario asks for one
+DEVICES = "swath.link.device.output"  # loaded where a scenario asks for one
 _MOUNTED = "lidar", "scan_filter", "radar", "camera", "gnss", "imu"  # slots whose mounting control knows
 
 
@@ -520,7 +520,7 @@ def _guarded(
 
 
 def _devices(scenario: Scenario, machines: Mapping[str, Machine]) -> list[Any]:
-    """Slots that are served as devices of their own (`swath.link.levels.device`), with their addresses."""
+    """Slots that are served as devices of their own (`swath.link.device.output`), with their addresses."""
     made = []
     for machine in machines.values():
         for slot, choice in machine.section.slots.items():

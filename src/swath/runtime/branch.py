@@ -33,7 +33,8 @@ class Start:
 class Branch(Restart):
     """Raised by a `before_tick`: the run ends, and another goes on from an earlier moment of it.
 
-    out: folder of the other; events: all its changes
+    out: folder of the other
+    events: all its changes
     """
 
     def __init__(self, start: Start, out: Path, events: Sequence[Mapping[str, Any]]) -> None:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import MeetsRange
-from swath.core.blocks import number_of
+from swath.core.blocks import number_of, samples_of
 from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
@@ -44,8 +44,12 @@ REST = NS // 10  # between two questions whether a machine has moved on [ns]
 @saved_type()
 @dataclass
 class Seen:
-    """What was met of a quantity at a slot. low, high: of all values; looks: with a value; beyond: of these
-    looks, beyond the range; strays: values beyond it.
+    """What was met of a quantity at a slot.
+
+    low, high: of all values
+    looks: with a value
+    beyond: of these looks, beyond the range
+    strays: values beyond it
     """
 
     low: float = inf
@@ -173,7 +177,7 @@ class Credibility:
             self._next_t[machine] = t + REST
             if way >= self._next_m[machine] and t > 0:
                 self._next_m[machine] = float(way) + EVERY_M
-                self._look(machine, next(s for s in outputs.values() if isinstance(s, MachineState)))
+                self._look(machine, samples_of(outputs, MachineState)[0])
         self.rests_until = min(self._next_t.values())
 
     def _look(self, machine: str, state: MachineState) -> None:

@@ -53,8 +53,10 @@ class Ground:
 
 
 def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bool = True) -> Ground:
-    """The field and what stands on it. base: folder that relative file names start from; is_cut: by some
-    machine, so that the edges must lie in it.
+    """The field and what stands on it.
+
+    base: folder that relative file names start from
+    is_cut: by some machine, so that the edges must lie in it
     """
     folder = None if section.folder is None else _read(section.folder)
     mapped = _origin_of_maps(section, base) if folder is None else None

@@ -48,8 +48,11 @@ def choose_run_folder(
     events: Sequence[Mapping[str, Any]] = (),
     replace: bool = False,
 ) -> Path:
-    """The folder for a run. summary: its head line; events: changes on its way; replace: it may take the
-    place of any other run.
+    """The folder for a run.
+
+    summary: its head line
+    events: changes on its way
+    replace: it may take the place of any other run
 
     Without `out` a fresh one, `runs/<name>-<seed>[-<what>]`, with -2, -3 ... when that exists; it is made at
     once, so that two runs of the same moment get two. A given `out` must be new, empty, or an earlier run of

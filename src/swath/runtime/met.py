@@ -29,8 +29,10 @@ BESIDE_M = 1.0  # from the edge into the crop, where the stand is looked up that
 
 @dataclass(frozen=True)
 class Where:
-    """Where the machine is. place: of the fixed axle [m]; heading [rad]; crop: to the side of the crop, a
-    point BESIDE_M within the stand beside the header's end at the edge [m].
+    """Where the machine is.
+
+    place: of the fixed axle [m]; heading [rad]
+    crop: to the side of the crop, a point BESIDE_M within the stand beside the header's end at the edge [m]
     """
 
     machine: Machine
@@ -45,8 +47,8 @@ class Where:
 class Quantity:
     """unit as in a scenario key; meaning: one line; at: its value, nan where there is none.
 
-    touches: kinds of slots that it changes; plain: values that need no word where a level of these was not
-    checked for it
+    touches: kinds of slots that it changes
+    plain: values that need no word where a level of these was not checked for it
     """
 
     unit: str

@@ -157,7 +157,7 @@ class Server:
     """Websockets, and a page where there is one.
 
     talk: called with each connection, in a thread. page: the HTML, asked for with a patience [s]; who asks
-    for it, or for its websocket at `/live`, has to know the token of `address` and come from the page.
+        for it, or for its websocket at `/live`, has to know the token of `address` and come from the page.
     origins: without a page, the pages that may look (regular expression); what is no browser names none.
 
     Raises MissingExtra without websockets, SwathError, which begins with `who`, where the port cannot be had.

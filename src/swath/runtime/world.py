@@ -35,9 +35,11 @@ EDGE_STEP = 0.5  # between the points of a drawn edge [m]
 class Machine:
     """A machine in the world. parts: slot -> component; mountings: sensor slot -> pose_machine_sensor.
 
-    edge: the initial edge that it follows; start: pose_world_machine at t = 0
+    edge: the initial edge that it follows
+    start: pose_world_machine at t = 0
     overlap: how far its steering wants the header end out over the cut ground [m], 0 where it does not say
-    retired: parts that others replaced while running; changed: what was chosen then
+    retired: parts that others replaced while running
+    changed: what was chosen then
     origin: where on Earth the world's origin lies, if that is known
     body: its shape from the user's file, if it has one
     """

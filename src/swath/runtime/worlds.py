@@ -30,8 +30,8 @@ LOOK = ("lidar", "camera", "radar")  # kinds of slots beside which the others co
 class Worlds:
     """Worlds whose schedules and wires are alike, and what goes along with each; drives them to their ends.
 
-    hooks: of each world; is_whole: False where nothing but limits is judged, and there are no digests
-    lockstep: what steps them
+    hooks: of each world
+    is_whole: False where nothing but limits is judged, and there are no digests lockstep: what steps them
     """
 
     def __init__(
@@ -127,8 +127,9 @@ def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:
 def drive_together(
     worlds: Sequence[World], hooks: Sequence[Sequence[RunHook]] = ()
 ) -> Iterator[tuple[int, Ended]]:
-    """Drive worlds, in step where they can; gives what each comes to by its number, as it ends. hooks: of
-    each world.
+    """Drive worlds, in step where they can; gives what each comes to by its number, as it ends.
+
+    hooks: of each world
     """
     for group in groups_in_step(worlds):
         own = [hooks[number] for number in group] if hooks else ()

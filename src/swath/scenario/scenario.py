@@ -36,7 +36,8 @@ UNTOLD = {"expect", "evaluators", "name", "run.record"}  # changes that change n
 class Scenario:
     """A validated scenario. Two are equal when they would be written the same.
 
-    expect: limits on metrics and columns; evaluators: its own, `/path/file.py:Class`
+    expect: limits on metrics and columns
+    evaluators: its own, `/path/file.py:Class`
     gate: which code might run where it was read, and may where it is run
     """
 

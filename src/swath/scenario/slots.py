@@ -60,8 +60,11 @@ from swath.signals.radar import RadarTargets
 class SlotKind:
     """One kind of slot.
 
-    packages: where its levels lie; level: the default one; rate_hz: the default rate
-    outputs: ports that every level of it has; more: that some levels have
+    packages: where its levels lie
+    level: the default one
+    rate_hz: the default rate
+    outputs: ports that every level of it has
+    more: that some levels have
     wires: input port -> (slot kind, output port) of the same machine
     is_control: knows the geometry of the machine, never the truth
     is_plural: a machine may have several of it, each named `kind_something`
@@ -415,7 +418,7 @@ class Catalogue:
 
     field_levels: the default level of `terrain` and `stand`
     parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one; `evaluators`
-    and `bodies` -> of the functions that list them
+        and `bodies` -> of the functions that list them
     machine_types: type -> slot -> level of what a machine of the type has unasked
     """
 

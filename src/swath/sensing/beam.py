@@ -78,7 +78,8 @@ class Beam:
 class Pattern:
     """Sub-rays of a spot.
 
-    position: on the unit disc, shape (..., count, 2); weight: share of the beam's energy, shape (count,)
+    position: on the unit disc, shape (..., count, 2)
+    weight: share of the beam's energy, shape (count,)
     """
 
     position: F64

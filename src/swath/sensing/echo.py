@@ -104,7 +104,8 @@ _WITHIN: dict[Within, int] = {"nearest": 0, "percentile": 1, "mean": 2, "leading
 class Bundle:
     """What the sub-rays of n beams met.
 
-    distance [m]: (n, s), nan = nothing; weight: share of the beam's energy, (s,)
+    distance [m]: (n, s), nan = nothing
+    weight: share of the beam's energy, (s,)
     albedo: reflectance * cos(incidence) * transmission there and back, (n, s), anything where nothing was hit
     """
 
@@ -119,7 +120,9 @@ class Receiver:
 
     within: where in an echo its range lies; percentile 0..100
     threshold: share of the echo's received energy at which `leading_edge` triggers, 0 = as soon as the energy
-    is detectable; gap: hits closer than this belong to one echo [m]; count: most echoes per beam
+        is detectable
+    gap: hits closer than this belong to one echo [m]
+    count: most echoes per beam
     least_energy: albedo / r2 that is just detected [1/m2]
     """
 

@@ -39,13 +39,19 @@ class LidarSheet:
     """What the maker says about a scanner.
 
     device_ident: what it answers to sRN DeviceIdent, empty where that is not known
-    fov: (first, last) azimuth [rad]; step: azimuth between beams [rad]; rates_hz: the first is the default
-    elevations: of the lines [rad], (0,) for a 2-D scanner; delays: how long after the first of its firing a
-    line fires [s], () = all at once; turns: where it sweeps to, seen from above
-    range_min, range_max [m]; range_10: reach on a 10 % diffuse target [m]
-    noise_mm: rows (range [m], one-sigma [mm]); systematic: half width of the constant error band [m]
+    fov: (first, last) azimuth [rad]
+    step: azimuth between beams [rad]
+    rates_hz: the first is the default
+    elevations: of the lines [rad], (0,) for a 2-D scanner
+    delays: how long after the first of its firing a line fires [s], () = all at once
+    turns: where it sweeps to, seen from above range_min, range_max [m]
+    range_10: reach on a 10 % diffuse target [m]
+    noise_mm: rows (range [m], one-sigma [mm])
+    systematic: half width of the constant error band [m]
     resolution: step of the reported range [m]; wavelength [m]
-    echo_count: most echoes per beam; pulse: length [s]; angle_noise: one sigma in the scan plane [rad]
+    echo_count: most echoes per beam
+    pulse: length [s]
+    angle_noise: one sigma in the scan plane [rad]
     noise_by_signal_mm: rows (signal to noise ratio, one-sigma [mm]), rising ratio, none for most
     signal_at_reach: signal to noise ratio of the weakest echo that is still detected
     """

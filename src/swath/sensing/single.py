@@ -26,11 +26,11 @@ FREE = 1  # kind of a puff in free air: anything that is not nothing
 class SingleRays:
     """The beams of a scanner in a buffer.
 
-    judged: kind of surface whose echoes must be strong enough to be detected, ANY = all; blind: kind that
-    gives no echo, NOTHING = none
+    judged: kind of surface whose echoes must be strong enough to be detected, ANY = all
+    blind: kind that gives no echo, NOTHING = none
     by_signal: noise grows as the signal falls, where the data sheet says so
-    scored: the caster wants the random numbers of the beams, noise or not
-    rotations: of the sensor at each beam, (room, 3, 3)
+    scored: the caster wants the random numbers of the beams, noise or not rotations: of the sensor at each
+        beam, (room, 3, 3)
     """
 
     def __init__(

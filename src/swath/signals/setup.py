@@ -20,8 +20,11 @@ class Hitch:
 
 @dataclass(frozen=True)
 class OpenBox:
-    """A box that grain is poured into. x: its middle ahead of the origin of what carries it: the middle of
-    the trailer's axle, or the machine's own; length, width, depth; floor: above the ground [m].
+    """A box that grain is poured into.
+
+    x: its middle ahead of the origin of what carries it: the middle of the trailer's axle, or the machine's
+    own; length, width, depth
+    floor: above the ground [m]
     """
 
     x: float
@@ -38,9 +41,13 @@ class OpenBox:
 
 @dataclass(frozen=True)
 class Pipe:
-    """An unloading pipe. x, y, z: its pivot in the machine frame [m]; length [m]: pivot to mouth, outward and
-    level; swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
-    exit_speed: of the grain [m/s]; fall: its direction below the pipe's [rad].
+    """An unloading pipe.
+
+    x, y, z: its pivot in the machine frame [m]
+    length [m]: pivot to mouth, outward and level
+    swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s] exit_speed: of the
+    grain [m/s]
+    fall: its direction below the pipe's [rad]
     """
 
     x: float
@@ -114,13 +121,13 @@ class ControlSetup:
     machine: geometry of its machine
     mountings: by input port pose_machine_sensor of the sensor wired to it, as the fitter measured it
     edge_side: `left` or `right`, the end of the header that follows the edge. With `left` the cut ground lies
-        to the left of the edge and the standing crop to its right; with `right` the other way round
+    to the left of the edge and the standing crop to its right; with `right` the other way round
     period: period of the component [s]
     crop_height: usual height over the ground [m], standing upright, as a scanner sees it, of the crop that
-        the driver chose at the terminal; 0 = none
+    the driver chose at the terminal; 0 = none
     row_spacing: distance of the rows that the crop was sown in [m]; 0 = not known, or no rows
     line_of: reads the n-th line of a GeoJSON file as points (n, 2) of the field's frame [m], as a terminal
-        reads its guidance lines; raises InputError
+    reads its guidance lines; raises InputError
     """
 
     machine: MachineGeometry
@@ -153,8 +160,8 @@ class LinkSetup:
 
     machine_name, slot: where it sits, e.g. `combine`, `steer`
     inputs: ports it may have, as the slot is wired in a machine, each optional; a component takes those it
-    wants, with `dataclasses.replace(port, history=True)` to get every sample since its last step. In a slot
-    of control no truth is among them
+    wants, with `dataclasses.replace(port, history=True)` to get every sample since its last step. In a
+    slot of control no truth is among them
     outputs: ports that the rest of the machine expects of the slot
     control: geometry, sensor mounting, side of the edge and period
     base: folder that relative file names start from

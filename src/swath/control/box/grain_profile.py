@@ -28,9 +28,10 @@ ABOVE, BELOW = 1.5, 2.5  # the rim: beyond there is no grain [m]
 class Fill:
     """Places along a box, rear to front, (station,) [m], nan where nothing was seen.
 
-    height: of the grain along the middle line above the rim, < 0 below it; sd: of that
-    freeboard: rim above the grain beside the walls, the least of both; lean: left wall above right one, 0
-    where one of them is not seen
+    height: of the grain along the middle line above the rim, < 0 below it
+    sd: of that
+    freeboard: rim above the grain beside the walls, the least of both
+    lean: left wall above right one, 0 where one of them is not seen
     """
 
     height: F64
@@ -43,9 +44,11 @@ class Fill:
 class BoxLook:
     """A box, and how the sensor that looks into it measures heights.
 
-    length, width: inside; rim: height of its rim; rim_sd: standard deviation of that [m]
-    steepest: tangent of the slope at which grain may fall towards a wall; alike: number of points that err
-    alike
+    length, width: inside
+    rim: height of its rim
+    rim_sd: standard deviation of that [m]
+    steepest: tangent of the slope at which grain may fall towards a wall
+    alike: number of points that err alike
     """
 
     length: float

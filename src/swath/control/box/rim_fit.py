@@ -31,7 +31,8 @@ class Rim:
     """A rectangle. x, y: of its middle; height: of its rim, in the frame of the points [m]; heading [rad].
 
     sd: standard deviations of x, y [m] and heading [rad]; height_sd [m]
-    wall_count: walls that were seen, 0..4; share: of the edges near it that lie on it
+    wall_count: walls that were seen, 0..4
+    share: of the edges near it that lie on it
     """
 
     x: float

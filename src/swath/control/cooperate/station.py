@@ -62,8 +62,8 @@ class Shared:
 class BoxView:
     """What a fill strategy knows. half, width: half the length, and the width of the box [m].
 
-    places [m ahead of the middle], heights [m above the floor]: profile of the grain; freeboard: rim above
-    the grain at the walls beside each place, less the margin [m]
+    places [m ahead of the middle], heights [m above the floor]: profile of the grain
+    freeboard: rim above the grain at the walls beside each place, less the margin [m]
     """
 
     half: float

@@ -32,7 +32,8 @@ _ONE = np.eye(3)
 class Arc:
     """A point [m] of the edge, its angle [rad] and bend [1/m], their covariance (beside, angle, bend).
 
-    way: along the edge from where it was first seen [m]; unseen: of it since the last block that fitted [m]
+    way: along the edge from where it was first seen [m]
+    unseen: of it since the last block that fitted [m]
     """
 
     x: float

@@ -50,7 +50,8 @@ DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 class Search:
     """spread: standard deviation of where the edge begins [m]; forget: unseen for so long it is lost [m].
 
-    spacing: of the rows that the crop stands in [m], 0 = unknown; view: height of the scanner [m]
+    spacing: of the rows that the crop stands in [m], 0 = unknown
+    view: height of the scanner [m]
     """
 
     spread: float

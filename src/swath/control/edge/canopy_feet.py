@@ -39,7 +39,8 @@ EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usu
 class CanopyFeet(KeepsState):
     """Learns from the rays of accepted blocks. lean: (share 0..1, feet [m], tangent of the lean).
 
-    spacing: of the rows [m], 0 where they stand so near that they are none; view: height of the scanner [m]
+    spacing: of the rows [m], 0 where they stand so near that they are none
+    view: height of the scanner [m]
     """
 
     kept = ("_offset", "_ramp", "lean", "_tops", "_noise", "_heading", "_turned")

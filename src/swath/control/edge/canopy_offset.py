@@ -44,9 +44,10 @@ class Rays:
     """How the rays of a profile come down through the canopy; all in one order, shape (echo_count,).
 
     upper, lower: lateral distance [m] from the edge as it was known before, where a ray is (or would have
-    been) `top` and `limit` [m] above the foot of the stubble side, less the roll
+        been) `top` and `limit` [m] above the foot of the stubble side, less the roll
     height [m]: of its echo above that foot
-    top: of the canopy; limit: midway between both sides
+    top: of the canopy
+    limit: midway between both sides
     """
 
     upper: F64

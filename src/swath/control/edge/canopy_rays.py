@@ -42,12 +42,13 @@ class EdgeFrame:
 class RayAnswers:
     """What the rays of a scan say.
 
-    cells: place and class of those that count, flat index of (PLACES, CLASSES); solid: which of them stand as
-    they did in the scan before, and do not hang in the air; along: sum of the places
-    along the edge ahead of the frame's origin of `close` rays near it [m]
+    cells: place and class of those that count, flat index of (PLACES, CLASSES)
+    solid: which of them stand as they did in the scan before, and do not hang in the air
+    along: sum of the places along the edge ahead of the frame's origin of `close` rays near it [m]
     ahead: of the same, echoes in the canopy along the edge ahead of the frame's origin [m], else nan
-    height: of the echo above the stubble side [m], nan = none; stands: as `solid`; upper, lower: beside the
-    edge at the crop's top and at the lower limit [m]; of every ray that falls, (n,)
+    height: of the echo above the stubble side [m], nan = none
+    stands: as `solid`
+    upper, lower: beside the edge at the crop's top and at the lower limit [m]; of every ray that falls, (n,)
     rise: of upright plants toward the crop, by which places were moved to the feet, per height [1]
     across: angle at which the rays to the edge cross it, > 0 into the crop [rad]
     """

@@ -72,7 +72,8 @@ class EdgePoints(Clears):
 class NearLine:
     """The edge near a place. frame: of the machine; offset_sd [m], angle_sd [rad].
 
-    gap: way along the edge from the place to the nearest point [m]; spread: of the points about the line [m]
+    gap: way along the edge from the place to the nearest point [m]
+    spread: of the points about the line [m]
     seen_to: way along the edge from the place to the last point [m]
     """
 

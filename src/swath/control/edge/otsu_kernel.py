@@ -69,9 +69,11 @@ INSIDE_FROM, INSIDE_TO = constants(*canopy_offset.INSIDE)
 class Settings:
     """What stays: numbers of `Params` in SI, and where the detector looks from.
 
-    sign: +1 where u is y, -1 where it is -y; centre: u of the header end; mounting: pose_machine_sensor, its
-    position, then rows of the rotation; lost: after so long without an edge none is reported [ns]
-    reference: where ahead the offset holds; lean, spot, memory: as in `CanopyOffset`
+    sign: +1 where u is y, -1 where it is -y
+    centre: u of the header end; mounting: pose_machine_sensor, its position, then rows of the rotation
+    lost: after so long without an edge none is reported [ns]
+    reference: where ahead the offset holds
+    lean, spot, memory: as in `CanopyOffset`
     """
 
     sign: wp.float64

@@ -26,8 +26,11 @@ Row = dict[int, float]  # derivatives of a measurement by the states
 
 
 class Noise(NamedTuple):
-    """What drives the states. acceleration, scale: densities [m/s2, 1 per sqrt(Hz)]; bias: of its walk
-    [rad/s per sqrt(s)]; slip [rad], slip_time [s]: of a first-order Gauss-Markov process.
+    """What drives the states.
+
+    acceleration, scale: densities [m/s2, 1 per sqrt(Hz)]
+    bias: of its walk [rad/s per sqrt(s)]
+    slip [rad], slip_time [s]: of a first-order Gauss-Markov process
     """
 
     acceleration: float

@@ -65,7 +65,7 @@ class Speeds(EdgeGuards):
             speeds, odometry = made["command"].arrays["speed"], inputs.get("odometry")
             for world, part in enumerate(self._parts):
                 seen = in_world(objects, world), in_world(odometry, world)
-                speeds[world] = min(speeds[world], part.stop.limit(part.wanted, *seen, dt))
+                speeds[world] = part.stop.limit(part.wanted, *seen, dt, speeds[world])
         return made
 
     def save(self, world: int) -> State:

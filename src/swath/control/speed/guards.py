@@ -46,7 +46,7 @@ class Guards(KeepsState):
         """The speed [m/s] that may be driven instead of a wanted one, over the next `dt` [ns]."""
         odometry = inputs.get("odometry")
         by_edge = self._edge.limit(wanted, inputs.get("edge"), odometry, dt, inputs.get("guidance"))
-        return min(by_edge, self._stop.limit(wanted, inputs.get("objects"), odometry, dt))
+        return self._stop.limit(wanted, inputs.get("objects"), odometry, dt, by_edge)
 
     @property
     def reason(self) -> str:

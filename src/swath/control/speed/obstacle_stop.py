@@ -50,17 +50,27 @@ class ObstacleStop(KeepsState):
         """Nothing in the way."""
         self._hold = 0.0  # left to stand [s]
 
-    def limit(self, wanted: float, objects: Objects | None, odometry: Odometry | None, dt: int) -> float:
-        """The speed [m/s] that may be driven instead of a wanted one, over the next `dt` [ns]."""
+    def limit(
+        self,
+        wanted: float,
+        objects: Objects | None,
+        odometry: Odometry | None,
+        dt: int,
+        other: float = float("inf"),
+    ) -> float:
+        """The speed [m/s] that may be driven instead of a wanted one, over the next `dt` [ns].
+
+        other: what another law allows
+        """
         if objects is None:
-            return wanted
+            return min(other, wanted)
         speed = wanted if odometry is None else max(odometry.speed, 0.0)
         bound = wanted
         for k in range(len(objects.x)):
             if objects.confidence[k] >= self._p.sure:
                 bound = min(bound, self._bound(objects, k, speed))
         self._hold = self._p.hold_s if bound <= 0.0 else max(self._hold - dt / NS, 0.0)
-        return 0.0 if self._hold > 0.0 else bound
+        return min(other, 0.0 if self._hold > 0.0 else bound)
 
     def _bound(self, objects: Objects, k: int, speed: float) -> float:
         """Greatest speed because of one object."""

@@ -132,8 +132,10 @@ class Params:
 
 
 class BesidePath(NamedTuple):
-    """Of a path beside a place. left: how far to the left of it the place is [m]; course: its direction
-    against the machine's [rad]; curvature [1/m].
+    """Of a path beside a place.
+
+    left: how far to the left of it the place is [m]
+    course: its direction against the machine's [rad]; curvature [1/m]
     """
 
     left: float

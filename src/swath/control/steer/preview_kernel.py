@@ -31,8 +31,8 @@ class Law:
     """What stays: numbers of `preview.Params` in SI, and of the machine. x, y: of the header end [m].
 
     law: which one of `preview.py` aims it
-    share, period, more, learnt: of `ActuatorModel`, pending: commands on their way; pole, pole_squared, clip:
-    of `SlipObserver`
+    share, period, more, learnt: of `ActuatorModel`, pending: commands on their way
+    pole, pole_squared, clip: of `SlipObserver`
     """
 
     law: wp.float64
@@ -62,8 +62,10 @@ class Law:
 class State:
     """command, held: curvature wanted now, and while the edge is lost [1/m]; engaged, lost: since when [s].
 
-    slip: direction of travel to the left of what the steering explains [rad]; curvature, deficit, model: of
-    `ActuatorModel`; observed, error, sd: of `SlipObserver`, error nan = none; bias, since: of `YawRate`
+    slip: direction of travel to the left of what the steering explains [rad]
+    curvature, deficit, model: of `ActuatorModel`
+    observed, error, sd: of `SlipObserver`, error nan = none
+    bias, since: of `YawRate`
     """
 
     command: wp.float64
@@ -233,8 +235,10 @@ def gather(
     odometry: wp.array2d(dtype=wp.float64),
     edges: wp.array(dtype=Edge),
 ):
-    """What `steer` asks for. clock: begin, end, length of the step [ns]; stamp: time of the edge, < 0 =
-    none.
+    """What `steer` asks for.
+
+    clock: begin, end, length of the step [ns]
+    stamp: time of the edge, < 0 = none
     """
     w = wp.tid()
     ns = real(1.0e9)

@@ -8,8 +8,10 @@ from swath.core.errors import InputError
 
 @dataclass(frozen=True)
 class TurnLimits:
-    """What a machine can drive. radius: of the tightest turn it is driven in [m]; sharpness: change of
-    curvature per distance [1/m2], from the steering rate and the speed.
+    """What a machine can drive.
+
+    radius: of the tightest turn it is driven in [m]
+    sharpness: change of curvature per distance [1/m2], from the steering rate and the speed
     """
 
     radius: float

@@ -44,8 +44,10 @@ class TasselFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class CobFacts:
-    """An ear of maize in its husk. height, height_sd: of its foot above ground [m]; length, length_cv,
-    diameter [m]; inclination_mean, inclination_sd [rad] from vertical, above 90 deg it hangs.
+    """An ear of maize in its husk.
+
+    height, height_sd: of its foot above ground [m]; length, length_cv, diameter [m]; inclination_mean,
+        inclination_sd [rad] from vertical, above 90 deg it hangs
     """
 
     height: Annotated[float, Quantity("cm", 20, 250)]

@@ -39,8 +39,12 @@ class LeafFacts:
 class Plants:
     """n stems and their m primitives.
 
-    height: (n,) ground to the tip [m]; grain_kg, straw_kg: (n,) masses
-    shape, organ: (m,); a, b, width: (m, 3) [m]; radius: (m,) [m], as in `layout.PlantLibrary`; owner: (m,)
+    height: (n,) ground to the tip [m]
+    grain_kg, straw_kg: (n,) masses
+    shape, organ: (m,)
+    a, b, width: (m, 3) [m]
+    radius: (m,) [m], as in `layout.PlantLibrary`
+    owner: (m,)
     reflectance: (m,) of the primitive itself, 0 = that of its organ; None = so for all
     """
 
@@ -153,9 +157,12 @@ def arc(start: Array, length: Array, first: Array, last: Array, azimuth: Array, 
 
 @dataclass(frozen=True)
 class Leafing:
-    """How leaves sit. plane: azimuth of the plane that each stem's leaves stand in, to either side by turns
-    [rad], (stems,), None = anywhere; scatter: half range about it [rad]; taper: width of each ribbon of a
-    blade relative to the blade's; organ.
+    """How leaves sit.
+
+    plane: azimuth of the plane that each stem's leaves stand in, to either side by turns [rad], (stems,),
+        None = anywhere
+    scatter: half range about it [rad]
+    taper: width of each ribbon of a blade relative to the blade's; organ
     """
 
     plane: Array | None = None

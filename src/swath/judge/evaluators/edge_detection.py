@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.blocks import Block, Seen, Shown, number_of
+from swath.core.blocks import Block, Seen, Shown, samples_of
 from swath.core.frames import Pose, wrap_angle
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
@@ -39,11 +39,13 @@ class EdgeSeries:
     """The course of a run, arrays of shape (n,): t [s], distance [m].
 
     true: y in the machine frame at the detector's reference [m] of the line to be steered along; nan = none
-    detected: likewise, nan = none; error: detected minus true [m], > 0 towards the crop, nan where they are
-    farther apart than MATCH_M; found: an edge was reported; exists: one is near enough that it had to be
+    detected: likewise, nan = none
+    error: detected minus true [m], > 0 towards the crop, nan where they are farther apart than MATCH_M
+    found: an edge was reported
+    exists: one is near enough that it had to be
     confidence, is_held, offset_sd [m]: as reported
     wall: y of the crop that stands, nearest to the detected edge, or to the header end where none is detected
-    [m]; it is the true edge but across a hole of the initial edge, see `present_edge.Holes`; nan = none
+        [m]; it is the true edge but across a hole of the initial edge, see `present_edge.Holes`; nan = none
     """
 
     t: F64
@@ -195,8 +197,7 @@ class EdgeDetection(Later):
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look up what stands where an edge is reported, once the truth has reached its time."""
-        if number_of(outputs, CropEdge, "t") is not None:
-            self._waiting += [signal for signal in outputs.values() if isinstance(signal, CropEdge)]
+        self._waiting += samples_of(outputs, CropEdge)
         if self._waiting:
             now = outputs.waiting(MachineState, self.setup.name) if isinstance(outputs, Shown) else None
             self.look(now)

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
-from swath.core.blocks import Seen, newest_of, number_of
+import numpy as np
+
+from swath.core.blocks import Block, Seen, Shown
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
@@ -27,7 +29,6 @@ class Overfilled(Later):
                "Crop and engine", "lower", "spilled from the tank", "", 1, is_windowed=False),
     )  # fmt: skip
     EVENTS = ("spill",)
-    live = (MachineLoad, HeapState)
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         tank = tank_of(setup.machine.geometry)
@@ -37,25 +38,46 @@ class Overfilled(Later):
         self._spilled = 0.0
         self._events: dict[str, Event] = {}  # by what is full
 
+    @property
+    def live(self) -> tuple[type[Signal], ...]:
+        """What ends a run is looked at when it comes."""
+        return (MachineLoad, HeapState) if self._stops else ()
+
     def take(self, seen: Seen) -> None:
-        """Note where the machine is."""
-        if (states := seen.of(MachineState)) is not None:
+        """Note where the machine is, and what did not stay."""
+        states = seen.of(MachineState)
+        for kind in (HeapState, MachineLoad) if not self._stops else ():
+            if (block := seen.of(kind)) is not None:
+                self._look(block, states)
+        if states is not None:
             self._state = states.sample(-1)
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look whether what comes stays."""
-        if (spilled := number_of(outputs, HeapState, "spilled")) is not None and spilled > LEAST:
-            self._note("box", int(number_of(outputs, HeapState, "t")), outputs)
-        grain = number_of(outputs, MachineLoad, "tank_grain")
-        if grain is None or self._capacity <= 0.0:
+        """Note what does not stay."""
+        waiting = outputs.waiting(MachineState, self.setup.name) if isinstance(outputs, Shown) else None
+        self._state = self._state if waiting is None else waiting.sample(-1)
+        for block in Seen.of_one(slot, t, outputs).blocks:
+            self._look(block, None)
+
+    def _look(self, block: Block, states: Block | None) -> None:
+        """Look whether what comes stays. states: of the machine, not yet taken in."""
+        if issubclass(block.kind, HeapState):
+            for k in np.flatnonzero(block["spilled"] > LEAST)[:1].tolist():
+                self._note("box", int(block["t"][k]), block, k, states)
+        if not issubclass(block.kind, MachineLoad) or self._capacity <= 0.0:
             return
-        before, self._load = self._load, (int(number_of(outputs, MachineLoad, "t")), _gain(outputs))
-        if grain >= (1.0 - SAME) * self._capacity and before is not None:
-            came = float(number_of(outputs, MachineLoad, "grain_flow")) * (self._load[0] - before[0]) / NS
-            spilled = max(came - (self._load[1] - before[1]), 0.0)
+        grain, flow, times = block["tank_grain"], block["grain_flow"], block["t"].tolist()
+        gain = (grain - block["tank_start"] + block["unloaded_grain"]).tolist()  # as `tank_gain`
+        for k in np.flatnonzero(grain >= (1.0 - SAME) * self._capacity).tolist():
+            before = (times[k - 1], gain[k - 1]) if k else self._load
+            if before is None:
+                continue
+            came = float(flow[k]) * (times[k] - before[0]) / NS
+            spilled = max(came - (gain[k] - before[1]), 0.0)
             self._spilled += spilled
-            if spilled > SAME * self._capacity or grain > (1.0 + SAME) * self._capacity:
-                self._note("grain tank", self._load[0], outputs)
+            if spilled > SAME * self._capacity or grain[k] > (1.0 + SAME) * self._capacity:
+                self._note("grain tank", times[k], block, k, states)
+        self._load = times[-1], gain[-1]
 
     def metrics(self) -> dict[str, float]:
         """Metrics of a machine with a tank."""
@@ -70,23 +92,18 @@ class Overfilled(Later):
         full = self._events.get("grain tank")
         return full.text if full is not None and self._stops else ""
 
-    def _note(self, what: str, t: int, outputs: Mapping[str, Signal]) -> None:
+    def _note(self, what: str, t: int, block: Block, k: int, states: Block | None) -> None:
         if what in self._events:
             return
-        name = self.setup.name
-        state = newest_of(outputs, MachineState, name, self._state)
+        name, state = self.setup.name, self._state
+        at = -1 if states is None else int(states.before(block.orders[k : k + 1])[0])
+        if states is not None and at >= 0:
+            state = states.sample(at)
         x, y, distance = (0.0, 0.0, 0.0)
         if state is not None:
             (x, y, _), distance = state.pose.position.tolist(), state.distance
         text = f"grain runs over the rim of the {what} of {name} from {t / NS:.1f} s, {distance:.0f} m on"
         self._events[what] = Event(t, "spill", name, x, y, distance, text, t)
-
-
-def _gain(outputs: Mapping[str, Signal]) -> float:
-    """As `MachineLoad.tank_gain`."""
-    names = "tank_grain", "tank_start", "unloaded_grain"
-    grain, start, gone = (float(number_of(outputs, MachineLoad, name)) for name in names)
-    return grain - start + gone
 
 
 LEVEL = Level(Overfilled, None, summary="what grain tanks and boxes that are full did not hold")

@@ -5,7 +5,7 @@ from math import acos, cos, degrees, radians, sqrt
 
 import numpy as np
 
-from swath.core.blocks import number_of
+from swath.core.blocks import number_of, samples_of
 from swath.core.portable import product
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -51,7 +51,7 @@ class Rollover:
         left = TIPPED - acos(min(max(upright, -1.0), 1.0))
         self.rests_until = int(now) + PERIOD * max(1, int(left / FASTEST * NS / PERIOD))
         if upright < cos(TIPPED):
-            state = next(signal for signal in outputs.values() if isinstance(signal, MachineState))
+            state = samples_of(outputs, MachineState)[0]
             if (tilt := self._tilt(state)) > TIPPED:
                 self._note(state, tilt)
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from swath.core.blocks import Seen, number_of
+from swath.core.blocks import Seen, number_of, samples_of
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
@@ -56,12 +56,11 @@ class Stops(Later):
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note whether the machine drives or stands, and the objects that are reported to it."""
-        for signal in outputs.values() if number_of(outputs, Objects, "t") is not None else ():
-            if isinstance(signal, Objects):
-                self._hear(signal)
+        for objects in samples_of(outputs, Objects):
+            self._hear(objects)
         speed = number_of(outputs, MachineState, "speed")
         if speed is not None and self._stands(abs(speed)):
-            self._stand(next(signal for signal in outputs.values() if isinstance(signal, MachineState)))
+            self._stand(samples_of(outputs, MachineState)[0])
 
     def _stands(self, speed: float) -> bool:
         """Whether it drove and now stands."""

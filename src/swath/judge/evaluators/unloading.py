@@ -23,10 +23,12 @@ COMES_UP = 10.0  # s of grain, after which it is judged, reached or not
 
 @dataclass(frozen=True)
 class UnloadingSeries:
-    """The course of a run, for a report. t [s], along, across [m]: deviations while grain flows, arrays of
-    shape (n,).
+    """The course of a run, for a report.
 
-    heaps: machine -> rows of its box; missed: of what all pipes gave, came down elsewhere [kg]
+    t [s], along, across [m]: deviations while grain flows, arrays of shape (n,)
+
+    heaps: machine -> rows of its box
+    missed: of what all pipes gave, came down elsewhere [kg]
     """
 
     t: F64

@@ -28,7 +28,8 @@ STATE = ("_t", "_speed", "_curvature", "_line", "_must_release", "answer_count")
 class ControllerBox:
     """A steering law that is connected to the machine by a bus.
 
-    law: component of the slot `steer`; period: of the machine's cycle [ns]; wheelbase [m]
+    law: component of the slot `steer`
+    period: of the machine's cycle [ns]; wheelbase [m]
     """
 
     def __init__(self, law: Any, node: Node, *, period: int, wheelbase: float) -> None:

@@ -33,8 +33,10 @@ class Where:
 
 @dataclass(frozen=True)
 class Message:
-    """A received message. name: as in the DBC, `AddressClaimed` with only `device_class`, or none of a
-    parameter group that the node takes raw, with its pgn and data.
+    """A received message.
+
+    name: as in the DBC, `AddressClaimed` with only `device_class`, or none of a parameter group that the node
+        takes raw, with its pgn and data
     """
 
     name: str

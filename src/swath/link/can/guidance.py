@@ -43,7 +43,7 @@ class Guidance:
     """Which command holds. It is obeyed while it comes, is a number and intends to steer.
 
     timeout [ns]: longest time without a command. After it the controller has to say once that it does not
-    intend to steer before it is obeyed again (request reset).
+        intend to steer before it is obeyed again (request reset).
     """
 
     timeout: int

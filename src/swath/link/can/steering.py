@@ -40,20 +40,22 @@ class BoxError(SwathError):
 class Params:
     """The bus, the nodes on it, and what happens without an answer.
 
-    interface: of python-can, such as socketcan, udp_multicast or virtual; channel: of that interface, such
-    as can0, or a multicast group
+    interface: of python-can, such as socketcan, udp_multicast or virtual
+    channel: of that interface, such as can0, or a multicast group
     options: further keys of that interface, such as bitrate or port; of udp_multicast also `peers`: addresses
-    of other machines on the bus, without which it stays on this one
+        of other machines on the bus, without which it stays on this one
     box: outside = another process or a real controller; inside = a stand-in within the run
     lock_step: simulated time waits for every answer of the box; without it the run has to be paced
-    law: steering level, or file.py:Class, that a stand-in runs, inside or by `swath can box`; law_keys: its
-    keys
+    law: steering level, or file.py:Class, that a stand-in runs, inside or by `swath can box`
+    law_keys: its keys
     overlap_m: how far the box keeps the header end outside the crop; given to the law and to the metrics
     cycle_ms: how often the machine sends; the standard says 100
     timeout_ms: without lock_step: so long without a command, and the steering is released
     on_timeout: disengage, as a machine does, or fail
-    wait_s: how long to look for the box at the start; answer_s: with lock_step, longest wait for an answer
-    address: of the machine; box_address: of the box to obey, null = the first that sends a command
+    wait_s: how long to look for the box at the start
+    answer_s: with lock_step, longest wait for an answer
+    address: of the machine
+    box_address: of the box to obey, null = the first that sends a command
     """
 
     interface: str = "udp_multicast"

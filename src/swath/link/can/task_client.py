@@ -32,8 +32,12 @@ Send = Callable[[int, bytes, int], None]
 
 @dataclass(frozen=True)
 class Datum:
-    """What the machine reports. ddi: data identifier; element: 0 the machine, 1 its header; scale: unit of
-    the data over that of the value; unit: of the value, as shown.
+    """What the machine reports.
+
+    ddi: data identifier
+    element: 0 the machine, 1 its header
+    scale: unit of the data over that of the value
+    unit: of the value, as shown
     """
 
     ddi: int
@@ -45,8 +49,10 @@ class Datum:
 
 @dataclass
 class _Report:
-    """A value that is sent by itself. every: ns, mm or steps; last: of the time or way, or value, sent
-    last.
+    """A value that is sent by itself.
+
+    every: ns, mm or steps
+    last: of the time or way, or value, sent last
     """
 
     how: int
@@ -58,7 +64,8 @@ class _Report:
 class TaskClient:
     """send: PGN, data, destination; data: what it reports; name: NAME of ISO 11783-5.
 
-    designator: of the device; width_mm, offset_mm: of the header, and how far ahead of the axle its knife is
+    designator: of the device
+    width_mm, offset_mm: of the header, and how far ahead of the axle its knife is
     """
 
     send: Send

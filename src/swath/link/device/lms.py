@@ -35,7 +35,7 @@ class Telegram:
     """A scan as it was sent. begun, sent: the sensor's clock [us], which wraps; counter: of scans, wraps.
 
     ranges, intensity: (beam_count, echo_count), nan = no echo, or not reported; start, step [rad], 0 is ahead
-    frequency [Hz]
+        frequency [Hz]
     """
 
     begun: int
@@ -61,8 +61,11 @@ class Telegram:
 
 @dataclass
 class Plane:
-    """The scans of a slot as the sensor describes them. model: its name; scale: of the distances [mm]
-    frequency [Hz]; start, step, count: of the beams, angles of the sensor in ticks.
+    """The scans of a slot as the sensor describes them.
+
+    model: its name
+    scale: of the distances [mm] frequency [Hz]
+    start, step, count: of the beams, angles of the sensor in ticks
     """
 
     model: str
@@ -203,9 +206,12 @@ def _echoes(ranges: np.ndarray, intensity: np.ndarray, which: int) -> tuple[np.n
 class Session:
     """What the sensor knows of one client.
 
-    is_subscribed: it wants every scan; is_asked: it waits for the first
-    plane: of the sensor; newest: the scan of now and its number, None before there is one
-    tell: an event for the user; wanted: one of the sensor's, clients share it
+    is_subscribed: it wants every scan
+    is_asked: it waits for the first
+    plane: of the sensor
+    newest: the scan of now and its number, None before there is one
+    tell: an event for the user
+    wanted: one of the sensor's, clients share it
     """
 
     plane: Plane

@@ -161,8 +161,9 @@ WRITERS: dict[str, Callable[[Fix, datetime, float], str]] = {
 
 @dataclass
 class Epoch:
-    """What the sentences of one time of day said. seconds: of the day; angles [rad], bearings from north,
-    roll and pitch as in Fix.
+    """What the sentences of one time of day said.
+
+    seconds: of the day; angles [rad], bearings from north, roll and pitch as in Fix
     """
 
     seconds: float
@@ -191,8 +192,9 @@ class Listener:
 
     A sentence counts whole or not at all. Checksums are left away by all lines of a stream or by none.
 
-    epoch: the newest, still None before the first; wrong: lines so far that were no sentence, or had another
-    checksum; unknown: what sentences did not say, with how often
+    epoch: the newest, still None before the first
+    wrong: lines so far that were no sentence, or had another checksum
+    unknown: what sentences did not say, with how often
     """
 
     wrong: int = 0

@@ -105,7 +105,8 @@ def packets(scan: Scan, grid: Grid) -> list[bytes]:
 class Firings:
     """What a packet says. time: past the hour [us]; azimuth: (24,) clockwise [1/100 deg] of the firings.
 
-    ranges: (24, LINES) [m], nan = no return; intensity: relative to a white target
+    ranges: (24, LINES) [m], nan = no return
+    intensity: relative to a white target
     """
 
     time: int
@@ -134,8 +135,11 @@ def read_packet(data: bytes) -> Firings | None:
 
 
 class Turns:
-    """Gathers the firings of packets to whole turns. lost: firings that are missing by the times; wrong:
-    datagrams that were no packets; late: packets that were older than one before, left out.
+    """Gathers the firings of packets to whole turns.
+
+    lost: firings that are missing by the times
+    wrong: datagrams that were no packets
+    late: packets that were older than one before, left out
     """
 
     def __init__(self) -> None:

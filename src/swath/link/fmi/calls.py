@@ -41,9 +41,12 @@ class FmuError(SwathError):
 class Group:
     """Neighbouring variables that one call sets or gets.
 
-    name: of the function, without Get or Set; kind: real, int or bool; values: array of C; args: of the
-    function after the instance; start, stop: where their numbers lie in the flat list; is_discrete: may
-    only change at an event
+    name: of the function, without Get or Set
+    kind: real, int or bool
+    values: array of C
+    args: of the function after the instance
+    start, stop: where their numbers lie in the flat list
+    is_discrete: may only change at an event
     """
 
     name: str

@@ -131,11 +131,14 @@ _INDEXED = re.compile(r"^(?P<base>.+)\[(?P<index>\d+(?:,\s*\d+)*)\]$")
 class Variable:
     """One variable, or an array.
 
-    kind: real, int, bool, string or other; type: as FMI names it, e.g. Float64
-    unit: None where the FMU names none; unit_name: as written
+    kind: real, int, bool, string or other
+    type: as FMI names it, e.g. Float64
+    unit: None where the FMU names none
+    unit_name: as written
     start: value in the FMU's unit, None where it has none
     refs: value references, one for a scalar or an array of FMI 3, one per element for `name[i]` of FMI 2
-    size: count of numbers; is_array: also true for an array of one
+    size: count of numbers
+    is_array: also true for an array of one
     dimensions: (reference of the structural parameter that says it, -1 for none; length as the file has it)
     """
 

@@ -28,8 +28,11 @@ Key = tuple[str, ...]
 class Variable:
     """One variable of an FMU.
 
-    causality: independent, parameter, input or output; kind: real, int, bool or text
-    unit: as swath writes it; shape: () for a plain number, rows first; start: what it is before it is set
+    causality: independent, parameter, input or output
+    kind: real, int, bool or text
+    unit: as swath writes it
+    shape: () for a plain number, rows first
+    start: what it is before it is set
     key: (slot, output, number) of a sample, (scenario key,) of a parameter, () of the time
     """
 

@@ -26,8 +26,11 @@ NUMBERS = ("Real", "Float64", "Float32", "Integer", "Boolean", "Enumeration")
 class System:
     """What a System Structure file says.
 
-    components: FMUs by path, in declared order; kinds, units: of connectors; edges: end -> where it starts
-    starts: (path, variable) -> value in the unit of the variable; notes: what was left out
+    components: FMUs by path, in declared order
+    kinds, units: of connectors
+    edges: end -> where it starts
+    starts: (path, variable) -> value in the unit of the variable
+    notes: what was left out
     unpacked: the files, where they came in an archive
     """
 

@@ -46,8 +46,9 @@ class Out:
 class Wiring:
     """How an FMU fills its slot.
 
-    inputs, outputs: in the order in which its numbers are passed; constants: port -> field -> value
-    inputs_ports, output_ports: those that it needs and gives; starts: FMU variable -> start value
+    inputs, outputs: in the order in which its numbers are passed
+    constants: port -> field -> value inputs_ports, output_ports: those that it needs and gives
+    starts: FMU variable -> start value
     notes: what the user should know
     """
 
@@ -61,8 +62,10 @@ class Wiring:
 
 
 def make_wiring(fmu: Description, setup: LinkSetup, params: Any) -> Wiring:
-    """The wiring of an FMU in a slot. params: `inputs`, `outputs`, `constants`, `parameters`, `units` as in
-    the level. InputError where a name, a unit or a value does not fit, or something is missing.
+    """The wiring of an FMU in a slot.
+
+    params: `inputs`, `outputs`, `constants`, `parameters`, `units` as in the level. InputError where a name,
+        a unit or a value does not fit, or something is missing
     """
     return _Maker(fmu, setup, params).make()
 

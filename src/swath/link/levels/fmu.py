@@ -132,7 +132,8 @@ def _span(sample: Signal, start: int, end: int) -> tuple[int, int, Signal]:
 class FmuPart:
     """Fills a slot with an FMU, or with a composite that looks like one.
 
-    step: of the FMU within the slot's period [ns]; notes: about the FMU itself
+    step: of the FMU within the slot's period [ns]
+    notes: about the FMU itself
     """
 
     def __init__(
@@ -240,14 +241,14 @@ class Params:
     """file: the FMU (FMI 1, 2 or 3, co-simulation), or a system of several (.ssp, .ssd).
 
     inputs: variable of the FMU -> port.field that feeds it; where the names fit, it need not be written.
-    `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s];
-    `edge.offset.is_known` is 1 where the number is there, 0 where it is nan
+        `flow.grain` of the header is the mass of a step [kg], `flow.grain/s` the flow [kg/s];
+        `edge.offset.is_known` is 1 where the number is there, 0 where it is nan
     outputs: port.field -> variable of the FMU, likewise
     constants: port.field -> value, for what the FMU does not give; `nan` where nan means nothing
     parameters: variable of the FMU -> start value, in the FMU's own unit
     units: variable of the FMU -> unit such as km/h, where the FMU names none or a wrong one
     nan: what the FMU gets for a single number that is nan, `hold` = the value before, or `pass` = nan; null =
-    pass to FMUs that swath exported, else hold
+        pass to FMUs that swath exported, else hold
     step_ms: step of the FMU within the slot's period; null = the whole period
     component: of a system, the one FMU that fills this slot; null = the whole system
     process: `here`, or `own` = a process of its own, whose crash or hang is an error that names it

@@ -210,7 +210,9 @@ BESIDE: dict[type[Signal], str] = {
 class GeoOrigin:
     """Where local (0, 0, 0) lies, on WGS 84.
 
-    lat_deg: to the north; lon_deg: to the east; height_m: above the ellipsoid
+    lat_deg: to the north
+    lon_deg: to the east
+    height_m: above the ellipsoid
     """
 
     lat_deg: Annotated[float, Ge(-90), Le(90)]
@@ -224,7 +226,8 @@ class Params:
 
     slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
     topics: output: topic, or output.number: topic:path.in.message (other recordings)
-    constants: output.number: value, for numbers that no topic has; values: the same, its older name
+    constants: output.number: value, for numbers that no topic has
+    values: the same, its older name
     scale: output.number: factor, where a message has other units than SI and radians
     start_s: where in the recording the run starts, from its first message
     clock: a sample comes out when its message was received, or at its stamp
@@ -233,7 +236,8 @@ class Params:
     gap_s: longer ones are reported (default: three times the usual interval)
     frame: that of the messages to play, where a topic has several (default: that of the first)
     mount: of the sensor (default: as recorded)
-    origin: of NavSatFix positions (default: the first one); field_folder: or that of a field folder
+    origin: of NavSatFix positions (default: the first one)
+    field_folder: or that of a field folder
     antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
     """
 

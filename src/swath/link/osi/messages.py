@@ -103,8 +103,9 @@ def load_osi() -> dict[str, Any]:
 class Writer:
     """Makes the messages of one scanner or radar.
 
-    host: name of the machine that carries it; sheets: of all machines, in their order; mounting:
-    pose_machine_sensor
+    host: name of the machine that carries it
+    sheets: of all machines, in their order
+    mounting: pose_machine_sensor
     """
 
     def __init__(self, host: str, sheets: Mapping[str, MachineSheet], mounting: Pose) -> None:

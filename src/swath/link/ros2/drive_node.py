@@ -39,9 +39,13 @@ class Drive:
 
 @dataclass(frozen=True)
 class CommandStream:
-    """One kind of message. level: its name in a scenario; topic: the usual one; package, name: of the
-    message; field: in the stamped one, of the command; read: the command and the wheelbase [m] to what it
-    asks for.
+    """One kind of message.
+
+    level: its name in a scenario
+    topic: the usual one
+    package, name: of the message
+    field: in the stamped one, of the command
+    read: the command and the wheelbase [m] to what it asks for
     """
 
     level: str

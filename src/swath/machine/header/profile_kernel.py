@@ -26,7 +26,8 @@ class Cutting:
     """What goes on from step to step. of the ends next to the edge (near) and away from it (far): way along
     the profile and place inside of the line when they were looked at last [m]; the last bin that they passed.
 
-    is_begun: 0 before the first state; is_refused: it came back
+    is_begun: 0 before the first state
+    is_refused: it came back
     cut, swept: of the fill gauge [m2]
     """
 
@@ -83,8 +84,11 @@ def cut_along(
     lengths: wp.array(dtype=wp.float64),
     left_grain: wp.array(dtype=wp.float64),
 ):
-    """One world a thread. head, poses: of the trail of the new ones, (k, world, 12); clock: begin, end,
-    length of the step [ns]; needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`.
+    """One world a thread.
+
+    head, poses: of the trail of the new ones, (k, world, 12)
+    clock: begin, end, length of the step [ns]
+    needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`
     """
     w = wp.tid()
     profile = profiles[w]

@@ -34,7 +34,9 @@ BESIDE = 0.15  # how far from the wall grain lands that ran over the rim [m]
 class Surface(KeepsState):
     """Heights above the floor at the middles of square cells, x along the box, y to the left of its middle.
 
-    box: its measures; slope: tangent of the angle of repose; cell: wanted side of a cell [m]
+    box: its measures
+    slope: tangent of the angle of repose
+    cell: wanted side of a cell [m]
     """
 
     kept = ("heights",)

@@ -54,10 +54,11 @@ class Loop:
 
 @wp.struct
 class Stand:
-    """Where the machine is after a step. is_done: 0 where the ground under it is not in memory or a number is
-    not finite, nothing has changed then; speed over ground and of the rims [m/s], slip along; as
-    `attitude.Stance`; rows of its rotation
-    place [m], speed to the left [m/s], yaw rate [rad/s], distance [m].
+    """Where the machine is after a step.
+
+    is_done: 0 where the ground under it is not in memory or a number is not finite, nothing has changed then;
+        speed over ground and of the rims [m/s], slip along; as `attitude.Stance`; rows of its rotation place
+        [m], speed to the left [m/s], yaw rate [rad/s], distance [m]
     """
 
     is_done: wp.float64

@@ -12,7 +12,8 @@ from swath.signals import MachineState
 class StrawOutlet(KeepsState):
     """Lays straw over the ground that the outlet passed, every `step` [m] of travel.
 
-    outlet_x: ahead of the fixed axle [m]; width [m]; ridge: heaped along the path, otherwise even
+    outlet_x: ahead of the fixed axle [m]; width [m]
+    ridge: heaped along the path, otherwise even
     """
 
     kept = ("_ends", "_origin", "_loose")

@@ -18,8 +18,10 @@ LENGTH_MAX = wp.constant(200.0)  # of a path through one tile, in tiles; a stand
 class Tile:
     """A tile and how the ray meets it.
 
-    x, y: number of the tile, seen from the ray's first tile; prototype: with mirror flags; plane, stand: as
-    in the pages; height: the ray is height[0] + t height[1] above the plane
+    x, y: number of the tile, seen from the ray's first tile
+    prototype: with mirror flags
+    plane, stand: as in the pages
+    height: the ray is height[0] + t height[1] above the plane
     """
 
     x: int
@@ -34,9 +36,13 @@ class Tile:
 class Local:
     """The ray in prototype coordinates.
 
-    o, d: point at t = start and unit direction; stretch: length along d per t
-    mirror: -1 or 1 in x and y; shift: whole periods taken off o; squeeze: 1 / scale of the heights
-    low: where it enters the tile; is_open: it starts in the tile, so no cut face lies at low
+    o, d: point at t = start and unit direction
+    stretch: length along d per t
+    mirror: -1 or 1 in x and y
+    shift: whole periods taken off o
+    squeeze: 1 / scale of the heights
+    low: where it enters the tile
+    is_open: it starts in the tile, so no cut face lies at low
     """
 
     o: wp.vec3

@@ -11,10 +11,12 @@ class Scene:
     """Library and pages, see `field/memory_layout.py`.
 
     prims: four vectors per primitive, one cache line: (a, radius; 0 = ribbon, -1 = triangle), (b, rank of the
-    owner), (width of a ribbon or triangle, organ), (foot of the owner, its own reflectance or 0, 0)
+        owner), (width of a ribbon or triangle, organ), (foot of the owner, its own reflectance or 0, 0)
     page_top: highest thing in a page [m]
-    sways: 1 = wind moves the stand (`field/wind.py`); toward: where to; slopes: steady, of the first wave, of
-    the second; wave, gust: cycles per tile in x and y, cycles at the middle of tile 0, 0
+    sways: 1 = wind moves the stand (`field/wind.py`)
+    toward: where to
+    slopes: steady, of the first wave, of the second
+    wave, gust: cycles per tile in x and y, cycles at the middle of tile 0, 0
     """
 
     tile_size: wp.float64
@@ -51,8 +53,11 @@ class Scene:
 class SolidArrays:
     """Solids of all kinds in one list, world frame.
 
-    kind: 0 box, 1 capsule along its z axis, 2 ellipsoid, 3 mesh; axes: columns are the axes; half: half sizes
-    [m], of a capsule radius, radius, half axis; bound: radius of a ball around it [m]; tree: Warp's of a mesh
+    kind: 0 box, 1 capsule along its z axis, 2 ellipsoid, 3 mesh
+    axes: columns are the axes
+    half: half sizes [m], of a capsule radius, radius, half axis
+    bound: radius of a ball around it [m]
+    tree: Warp's of a mesh
     """
 
     count: int
@@ -69,8 +74,10 @@ class SolidArrays:
 class Ray:
     """A ray in the stand frame, seen from the lower corner of the tile that it starts over.
 
-    o, d: origin [m] and unit direction; inv, off: t of a plane x = c is c * inv + off, MISS if parallel
-    tile_x, tile_y: that tile; z0: world height of o.z = 0 [m]
+    o, d: origin [m] and unit direction
+    inv, off: t of a plane x = c is c * inv + off, MISS if parallel
+    tile_x, tile_y: that tile
+    z0: world height of o.z = 0 [m]
     """
 
     o: wp.vec3

@@ -34,9 +34,10 @@ RANKS = 32767  # steps of the packed rank
 class PacketIndex:
     """Entries sorted by cell; cell = ((tile * columns + iy) * columns + ix) * bins + iz.
 
-    start: (cells + 1,) first entry of a cell; primitive: (n,) what an entry lists
+    start: (cells + 1,) first entry of a cell
+    primitive: (n,) what an entry lists
     coarse: (n, 8) ends a and b of a piece in steps of `step` [m], half width, rank (rounded down); the half
-    width covers all rounding, so the coarse piece contains the true one
+        width covers all rounding, so the coarse piece contains the true one
     extent: (3,) how far pieces extend around their middle [m]; side, bin_height of the cells [m]
     halo: the foot of a piece lies at most so many columns from the one that it is listed in
     """

@@ -183,7 +183,9 @@ def meet_heights(
 
 @wp.kernel(enable_backward=False)
 def cast_heights(g: Heights, whole: wp.array(dtype=int), real: wp.array(dtype=float), beams: Beams):
-    """One thread per packet of 16 rays. whole: seed of this scan, flag of solids; real: share u of all beams,
-    < 0 = drawn per cell of the ground, whose side [m], range [m].
+    """One thread per packet of 16 rays.
+
+    whole: seed of this scan, flag of solids
+    real: share u of all beams, < 0 = drawn per cell of the ground, whose side [m], range [m]
     """
     meet_heights(wp.tid(), g, whole[0], real[0], real[1], real[2], beams, whole[1])

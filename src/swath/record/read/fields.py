@@ -23,8 +23,9 @@ class Context:
     """wheelbase [m] of the machine that the samples are for.
 
     to_local: (n, 3) longitude, latitude [deg], height [m] -> (n, 3) east, north, up [m]; None: the plane at
-    the first position
-    links: by /tf_static; machine: its name in there
+        the first position
+    links: by /tf_static
+    machine: its name in there
     notes: what had to be assumed of messages, with how often; grows while they are read
     """
 

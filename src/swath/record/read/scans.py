@@ -56,7 +56,8 @@ class CloudPoints:
     """The points of a cloud that are any. points [m], (n, 3), sensor frame; far: their range [m], (n,).
 
     late: when they were measured, after the stamp [s], (n,); intensity (n,), nan = not known
-    table: all columns, (n,); left_out: points at 0 or nan
+    table: all columns, (n,)
+    left_out: points at 0 or nan
     """
 
     points: F64

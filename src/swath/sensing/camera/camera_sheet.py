@@ -14,13 +14,18 @@ class CameraSheet:
     """mosaic: `rggb`: colour filters in rows red green, green blue; `mono`: none, a grey picture.
 
     shutter: all rows at once, or one after the other
-    lens: whose formulas; distortion: their coefficients, as OpenCV orders them, empty = none
+    lens: whose formulas
+    distortion: their coefficients, as OpenCV orders them, empty = none
 
-    width, height: of the image sensor [px]; pixel: side of a pixel [m]; focal_length [m]; f_number
-    transmission: of the lens; falloff: power of the cosine off the axis that light goes with, 4 = natural
+    width, height: of the image sensor [px]
+    pixel: side of a pixel [m]; focal_length [m]; f_number
+    transmission: of the lens
+    falloff: power of the cosine off the axis that light goes with, 4 = natural
     quantum_efficiency: of red, green and blue light, or of one number for all
-    system_gain: K, digital numbers per electron at gain 1; dark_noise: sigma_d [electrons]; dark_current
-    [electrons/s]; full_well [electrons]; dsnu: [electrons]; prnu; black_level: of the digital numbers; bits
+    system_gain: K, digital numbers per electron at gain 1
+    dark_noise: sigma_d [electrons]; dark_current [electrons/s]; full_well [electrons]
+    dsnu: [electrons]; prnu
+    black_level: of the digital numbers; bits
     readout: from the first to the last row of the sensor [s]; exposure_min, exposure_max [s]; gain_max
     """
 

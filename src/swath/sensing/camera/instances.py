@@ -58,9 +58,11 @@ class Instances:
     """Things in sight. solids: of all, each with the number of its part for a reflectance.
 
     each, velocities: the same solids thing by thing, and how each goes (3,) [m/s]
-    poses: pose_world_body of each; is_grain: whether a part is the surface of grain, (parts + 1,)
-    names, kinds: of instance 1, 2 ...; owner: instance of each part, (parts + 1,), 0 = none; colours: linear
-    light of each part, (parts + 1, 3)
+    poses: pose_world_body of each
+    is_grain: whether a part is the surface of grain, (parts + 1,)
+    names, kinds: of instance 1, 2 ...
+    owner: instance of each part, (parts + 1,), 0 = none
+    colours: linear light of each part, (parts + 1, 3)
     """
 
     solids: Solids

@@ -76,9 +76,13 @@ FAR = 2000.0  # the ground beyond the reach ends here [m]
 class LightSetup:
     """sun: unit vector towards it, world (3,); cloud: 0 clear to 1 overcast; green: share of unripe colour.
 
-    per_side: samples across a pixel; shared: so many of a pixel's samples have one ray towards the sun
-    shadows, texture: whether there are any; extinction: of the air [1/m]; pixel_angle [rad]: of a pixel in
-    the middle; seed: of the texture; photo: laid onto the ground
+    per_side: samples across a pixel
+    shared: so many of a pixel's samples have one ray towards the sun
+    shadows, texture: whether there are any
+    extinction: of the air [1/m]
+    pixel_angle [rad]: of a pixel in the middle
+    seed: of the texture
+    photo: laid onto the ground
     """
 
     sun: F64

@@ -196,7 +196,7 @@ class SceneCamera(KeepsState):
     """A camera on a machine: what every level shares. A level makes its outputs in `picture`.
 
     pinhole: its intrinsics; mounting, optical: pose_machine_sensor of the body frame (x forward) and of the
-    optical frame (z forward)
+        optical frame (z forward)
     """
 
     kept: ClassVar[tuple[str, ...]] = ("_last", "_casts")

@@ -89,8 +89,10 @@ def fix_of(
     quality: int,
     **more: Any,
 ) -> Fix:
-    """A sample from a position [m] and velocity [m/s], (3,) each. sd: as in Fix, in its order; more: its
-    fields from `heading` on.
+    """A sample from a position [m] and velocity [m/s], (3,) each.
+
+    sd: as in Fix, in its order
+    more: its fields from `heading` on
     """
     x, y, z = (float(v) for v in position)
     speed = float(np.hypot(velocity[0], velocity[1]))

@@ -95,8 +95,12 @@ class Params:
 
 
 class Reception(NamedTuple):
-    """What comes in. quality: by number; stretch: errors over those of the table; offset: of a wrong fix,
-    (3,) [m]; more: fields of Fix from `age` on.
+    """What comes in.
+
+    quality: by number
+    stretch: errors over those of the table
+    offset: of a wrong fix, (3,) [m]
+    more: fields of Fix from `age` on
     """
 
     quality: int

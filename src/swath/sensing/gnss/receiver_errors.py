@@ -10,7 +10,8 @@ class Figures:
 
     noise: white noise, sd per sample [m]
     wander: sd of a first-order Gauss-Markov error [m]
-    wander_time: its correlation time [s]; vertical: the same of the height, over those of east and north
+    wander_time: its correlation time [s]
+    vertical: the same of the height, over those of east and north
     velocity: white, sd per sample of each axis [m/s]
     """
 

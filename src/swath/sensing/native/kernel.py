@@ -68,8 +68,10 @@ def sweep(
 class Aiming:
     """The beams of a sweep before they have directions.
 
-    words: key of the random stream and t; rotations: (n, 3, 3) of the sensor, flat; forward: (n, 3) beams in
-    the sensor frame; is_drawn: 0 = no random numbers
+    words: key of the random stream and t
+    rotations: (n, 3, 3) of the sensor, flat
+    forward: (n, 3) beams in the sensor frame
+    is_drawn: 0 = no random numbers
     """
 
     words: wp.array(dtype=wp.uint64)

@@ -53,7 +53,9 @@ class Params:
 class Target:
     """A thing in the field of view. distance [m], azimuth, elevation [rad] in the sensor's frame.
 
-    radial_speed: > 0 goes away [m/s]; rcs [dBsm]; place: the nearest point, world (3,); body: whose it is
+    radial_speed: > 0 goes away [m/s]; rcs [dBsm]
+    place: the nearest point, world (3,)
+    body: whose it is
     """
 
     distance: float

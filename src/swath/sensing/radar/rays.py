@@ -45,7 +45,8 @@ class Echoes:
     """Echoes by azimuth and distance, (n, m) each.
 
     area: radar cross section [m2] per azimuth [rad] and distance [m]
-    way: from the sensor to the ground, unit (n, m, 3); azimuth, elevation: of it in the sensor's frame [rad]
+    way: from the sensor to the ground, unit (n, m, 3)
+    azimuth, elevation: of it in the sensor's frame [rad]
     """
 
     area: F64
@@ -57,7 +58,8 @@ class Echoes:
 class Clutter:
     """Of a field. stand: None = no crop for the radar; wave: extinction of the wave over the geometric one.
 
-    crop: g; ground: gamma; both linear
+    crop: g
+    ground: gamma; both linear
     """
 
     def __init__(

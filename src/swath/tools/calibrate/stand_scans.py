@@ -63,8 +63,10 @@ class Place:
 class Returns:
     """Beams of one place, in scan lines of equal length (line_count, beams).
 
-    height: measured along the middle of the beam, above the ground [m]; is_ground: the echo came from it
-    gap: to the beam before [m]; albedo: reflectance * |cos| that came back, of all sub-rays
+    height: measured along the middle of the beam, above the ground [m]
+    is_ground: the echo came from it
+    gap: to the beam before [m]
+    albedo: reflectance * |cos| that came back, of all sub-rays
     """
 
     height: F64
@@ -77,9 +79,9 @@ class Returns:
 class EchoSettings:
     """What makes an echo of a spot: sub_rays, profile of the spot, rule and percentile as in `echo.py`.
 
-    sensor: whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of
-    a spot comes back too far from the rest and too weakly to be detected there is lost; sees_weakest: nothing
-    is lost.
+    sensor: whose receiver it is. Spots as wide as a place says lie where that scanner's are, and what of a
+        spot comes back too far from the rest and too weakly to be detected there is lost
+    sees_weakest: nothing is lost.
     """
 
     sub_rays: int = 37

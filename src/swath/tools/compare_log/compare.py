@@ -41,9 +41,13 @@ FEWEST = 20  # records to compare at all
 
 @dataclass(frozen=True)
 class SeriesStatistics:
-    """Simulated against measured. count: records; r2: 1 - squared error over variance, below 0 is worse than
-    the mean; rmse, bias: in the unit of the quantity, simulated minus measured; r: correlation; lag_s: by
-    which the simulated series has to be delayed to fit best.
+    """Simulated against measured.
+
+    count: records
+    r2: 1 - squared error over variance, below 0 is worse than the mean
+    rmse, bias: in the unit of the quantity, simulated minus measured
+    r: correlation
+    lag_s: by which the simulated series has to be delayed to fit best
     """
 
     count: int
@@ -161,11 +165,13 @@ TANK = 0.5  # of the tank is full all the time: logs do not say when it was empt
 class Drive:
     """How a log is driven along.
 
-    process, engine: levels; straw: per grain, by mass; whole_crop: the logged flow is all of the crop, as in
-    a forage harvester, none of it grain
+    process, engine: levels
+    straw: per grain, by mass
+    whole_crop: the logged flow is all of the crop, as in a forage harvester, none of it grain
     load_over: what the measured load is a share of: the torque that the engine could give at its present
-    speed (`present`), or the largest that it can give at any (`largest`)
-    friction: measured load of an engine that gives no torque; flow_floor: logged flow without crop [kg/s]
+        speed (`present`), or the largest that it can give at any (`largest`)
+    friction: measured load of an engine that gives no torque
+    flow_floor: logged flow without crop [kg/s]
     """
 
     process: str = "threshing"
@@ -295,7 +301,8 @@ class Fitted:
 class LogComparison:
     """The result. series: measured and simulated by quantity, in SHOWN units, shape (n,).
 
-    parts: part -> records that are compared; statistics: quantity -> part -> model and plain regressions
+    parts: part -> records that are compared
+    statistics: quantity -> part -> model and plain regressions
     """
 
     model: str

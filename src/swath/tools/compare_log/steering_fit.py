@@ -184,7 +184,8 @@ OFFSET = "angle offset"  # of the logged angle, in deg: what the sensor shows dr
 class Free:
     """A number that may be fitted: limits and step for its derivative in the unit of the sheet.
 
-    keys: of the sheet that go in proportion with it, itself first; default: where the sheet has none
+    keys: of the sheet that go in proportion with it, itself first
+    default: where the sheet has none
     """
 
     low: float
@@ -218,8 +219,10 @@ USUAL = {
 
 @dataclass(frozen=True)
 class FittedWith:
-    """A fitted number. low, high: of its 95 % interval; is_seen: False where the log does not show it, the
-    value is then the start and the interval without limits.
+    """A fitted number.
+
+    low, high: of its 95 % interval
+    is_seen: False where the log does not show it, the value is then the start and the interval without limits
     """
 
     key: str

@@ -37,8 +37,11 @@ METRE = re.compile(r"^(metre|meter|metres|meters|m)$", re.IGNORECASE)
 class Cloud:
     """points: in the world (n, 3) [m]; height: above the ground (n,) [m]; intensity (n,), nan = unknown.
 
-    track: of the machine, None = it has none; white: intensity of a white target, nan = unknown
-    silent_count: beams without echo, -1 = unknown; scan_count: 0 = unknown; notes: what was taken for granted
+    track: of the machine, None = it has none
+    white: intensity of a white target, nan = unknown
+    silent_count: beams without echo, -1 = unknown
+    scan_count: 0 = unknown
+    notes: what was taken for granted
     """
 
     name: str

@@ -212,8 +212,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class Number:
-    """A quantity of both, as means over the cells in which both have it. spread: interval of b - a, or
-    (noise,) of a distance; () where there are too few blocks.
+    """A quantity of both, as means over the cells in which both have it.
+
+    spread: interval of b - a, or (noise,) of a distance; () where there are too few blocks
     """
 
     name: str

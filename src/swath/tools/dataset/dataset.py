@@ -150,7 +150,8 @@ BETWEEN = 10**9  # times of two pictures of a scene [ns]
 class Settings:
     """scenario: bundled name or path; sets: its changes; machine, camera: whose pictures.
 
-    varies: of `terrain`, `stand`, `light`, `things`; per_scene: pictures of one field in one light
+    varies: of `terrain`, `stand`, `light`, `things`
+    per_scene: pictures of one field in one light
     count, seed: of all pictures
     """
 

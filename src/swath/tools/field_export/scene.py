@@ -49,9 +49,11 @@ class Surface:
 
 @dataclass(frozen=True)
 class Ground:
-    """A square of ground. x, y: of its columns and rows [m]; heights: (rows, columns) [m], the first row in
-    the south, nan beyond the map of the terrain; colours: sRGB (rows, columns, 3), the first row in the
-    north: crop, stubble, straw, bare ground.
+    """A square of ground.
+
+    x, y: of its columns and rows [m]
+    heights: (rows, columns) [m], the first row in the south, nan beyond the map of the terrain
+    colours: sRGB (rows, columns, 3), the first row in the north: crop, stubble, straw, bare ground
     """
 
     x: F64
@@ -97,8 +99,11 @@ class FieldScene:
 
 
 def make_scene(world: World, place: F64, *, ground_m: float, plants_m: float) -> FieldScene:
-    """The scene as the world stands. place: (2,) [m]; ground_m: side of the square of ground; plants_m:
-    radius in which plants are drawn, 0 = none. InputError where the ground is not known at all.
+    """The scene as the world stands.
+
+    place: (2,) [m]
+    ground_m: side of the square of ground
+    plants_m: radius in which plants are drawn, 0 = none. InputError where the ground is not known at all
     """
     origin = next((m.origin for m in world.machines.values()), None)
     plants = plants_near(world.field, place, plants_m) if plants_m > 0.0 else ()

@@ -37,15 +37,18 @@ Point = Mapping[str, Scalar]
 
 @dataclass(frozen=True, kw_only=True)
 class Varied:
-    """A parameter. key: of the scenario, as after `--set`; at: the values of the grid, without them the ends
-    of the range, or the names of `sets`; range: of values drawn.
+    """A parameter.
 
-    scale, offset: the key gets value * scale + offset; sets: instead of a key, by value, the scenario keys
-    and values that it stands for
+    key: of the scenario, as after `--set`
+    at: the values of the grid, without them the ends of the range, or the names of `sets`
+    range: of values drawn
+
+    scale, offset: the key gets value * scale + offset
+    sets: instead of a key, by value, the scenario keys and values that it stands for
 
     exposure: share of the working time of each bucket of the range, or where there is none of each of `sets`
-    or values of `at`, any sum; none = all alike; buckets: rising edges, none = equal parts of the range. Only
-    `swath test estimate` draws by it.
+        or values of `at`, any sum; none = all alike
+    buckets: rising edges, none = equal parts of the range. Only `swath test estimate` draws by it.
     """
 
     key: str = ""
@@ -110,8 +113,9 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """A failure that is known. at: values, or ranges [least, greatest], of the parameters that it happens at,
-    {} = everywhere; why.
+    """A failure that is known.
+
+    at: values, or ranges [least, greatest], of the parameters that it happens at, {} = everywhere; why
     """
 
     why: str
@@ -124,9 +128,13 @@ class Known:
 
 @dataclass(frozen=True, kw_only=True)
 class CaseFile:
-    """The keys of a case file. set: scenario keys and values; seeds: their number, or themselves; expect: as
-    in a scenario, for each run; mean: bounds of the mean over the runs, by metric; met: quantities that are
-    written down along the way of each run (`swath.runtime.met`).
+    """The keys of a case file.
+
+    set: scenario keys and values
+    seeds: their number, or themselves
+    expect: as in a scenario, for each run
+    mean: bounds of the mean over the runs, by metric
+    met: quantities that are written down along the way of each run (`swath.runtime.met`)
     """
 
     format: Literal["swath test case 1"]

@@ -33,13 +33,16 @@ SURPRISES_MAX = 5  # that are named
 class Cell:
     """The runs of a case with a candidate. planned: how many there are to be; room: how many are drawn.
 
-    text: what the rate of passes shows; means: what is said of each bounded mean
+    text: what the rate of passes shows
+    means: what is said of each bounded mean
 
-    count: of runs; counted, passed: of those that count for the rate, which are not those at points where a
-    failure is known, nor unjudged ones; surprises: runs that passed at points of known failures
-    unjudged: runs with a level outside its checked range; outside: these by slot and quantity; errors: runs
-    that came to one
-    failed: runs that count and did not pass; groups: the same by the first limit that failed
+    count: of runs
+    counted, passed: of those that count for the rate, which are not those at points where a failure is known,
+        nor unjudged ones; surprises: runs that passed at points of known failures
+    unjudged: runs with a level outside its checked range
+    outside: these by slot and quantity
+    errors: runs that came to one failed: runs that count and did not pass
+    groups: the same by the first limit that failed
     measured: what its runs measured, None where there is no other candidate
     worst: the run farthest beyond a limit, or nearest to one; an error before all others
     """

@@ -48,9 +48,13 @@ UNSEEN_MOST = 0.5  # of the probability that may lie where the cheap level keeps
 
 @dataclass(frozen=True)
 class Estimate:
-    """What is asked. case: a bundled one or a file; limit: name of the one that is broken, "" = any; budget:
-    runs from which the number comes, and of the search without a cheap level; cheap: changes of the scenario
-    for the runs that search, () = none; cheap_budget: how many.
+    """What is asked.
+
+    case: a bundled one or a file
+    limit: name of the one that is broken, "" = any
+    budget: runs from which the number comes, and of the search without a cheap level
+    cheap: changes of the scenario for the runs that search, () = none
+    cheap_budget: how many
     """
 
     case: str
@@ -75,8 +79,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Distribution:
-    """Of a parameter by its exposure. edges: of a number's buckets; values: of what has no range; shares: of
-    them up to the end of each, from 0 to 1.
+    """Of a parameter by its exposure.
+
+    edges: of a number's buckets
+    values: of what has no range
+    shares: of them up to the end of each, from 0 to 1
     """
 
     shares: F64
@@ -109,7 +116,8 @@ def _cumulated(each: Sequence[float]) -> F64:
 class Round:
     """Runs that were done together. level: `cheap` or ""; places: in normal space, (n, d); points: there.
 
-    margins: (n,), nan = not judged; results: of the runs
+    margins: (n,), nan = not judged
+    results: of the runs
     """
 
     level: str
@@ -121,9 +129,12 @@ class Round:
 
 @dataclass(frozen=True)
 class Estimated:
-    """An estimate in its folder. last: the round from which the number comes; weights: of its runs, exposure
-    over density, (n,); overlooked: which lie outside the regions that the search found, (n,) of bool;
-    cheap_margins: of the same points and seeds at the cheap level, None without one.
+    """An estimate in its folder.
+
+    last: the round from which the number comes
+    weights: of its runs, exposure over density, (n,)
+    overlooked: which lie outside the regions that the search found, (n,) of bool
+    cheap_margins: of the same points and seeds at the cheap level, None without one
     """
 
     folder: Path

@@ -22,8 +22,12 @@ WIDEST = 4.0  # sd of the logarithm from the median at which the fit ends
 class GaussianProcess:
     """Fitted to values at points of the unit cube, (n, d).
 
-    mean: of the values; lengths: (d,); variance: of the function; noise: sd of the values
-    factor: lower Cholesky factor of the covariance of the values, (n, n); weights: (n,)
+    mean: of the values
+    lengths: (d,)
+    variance: of the function
+    noise: sd of the values
+    factor: lower Cholesky factor of the covariance of the values, (n, n)
+    weights: (n,)
     """
 
     points: F64

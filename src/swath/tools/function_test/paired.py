@@ -28,7 +28,8 @@ class Difference:
     """New minus old of one number over pairs. estimate, low, high: with its interval of 95 %.
 
     within: the smallest margin in which it is shown to lie (two one-sided tests at 5 %)
-    smallest: the difference that so many pairs would have shown with a chance of 80 %; p: of Wilcoxon's test
+    smallest: the difference that so many pairs would have shown with a chance of 80 %
+    p: of Wilcoxon's test
     """
 
     count: int

@@ -60,15 +60,18 @@ class PlannedRun:
 class Plan:
     """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name.
 
-    seeds: of each case, None = its own; drawn: points at random instead of the grid; draw_seed: of them
+    seeds: of each case, None = its own
+    drawn: points at random instead of the grid
+    draw_seed: of them
     sets: changes of every scenario, after those of its case and before the candidate's
     shadow: the first candidate steers, the others go along in shadow
     level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits, unless
-    AS_SET
+        AS_SET
     points: (seed, point) of each run instead of all points with all seeds, as a search chose them
-    code: hash of the code that its results come from, "" = this; made_of: of the files that it names, by path
+    code: hash of the code that its results come from, "" = this
+    made_of: of the files that it names, by path
     expects: limits of the cases when the plan was made, by case: they belong to the names of the runs; others
-    = as the cases have them now
+        = as the cases have them now
     """
 
     cases: str

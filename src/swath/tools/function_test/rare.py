@@ -291,9 +291,12 @@ def _maximised(places: F64, share: F64, sure: float, count: int) -> Mixture:
 
 @dataclass(frozen=True)
 class Rate:
-    """What the last round shows. runs, failures: of it; value: probability of failure, with its interval of
-    95 %; ess: effective failures; overlooked: share of the value from failures outside the regions that the
-    search found.
+    """What the last round shows.
+
+    runs, failures: of it
+    value: probability of failure, with its interval of 95 %
+    ess: effective failures
+    overlooked: share of the value from failures outside the regions that the search found
     """
 
     runs: int

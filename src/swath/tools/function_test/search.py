@@ -30,8 +30,12 @@ FEWEST = 8  # runs of a search
 
 @dataclass(frozen=True)
 class Search:
-    """What a search asks. case: a bundled one or a file; limit: name of the one whose boundary it is, "" = of
-    all together; batch: runs of a round; sets: changes of the scenario.
+    """What a search asks.
+
+    case: a bundled one or a file
+    limit: name of the one whose boundary it is, "" = of all together
+    batch: runs of a round
+    sets: changes of the scenario
     """
 
     case: str

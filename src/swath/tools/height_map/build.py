@@ -38,9 +38,12 @@ class Settings:
 
     fill_m: a cell counts as measured when there is an echo this near
 
-    per_cell: heights that are kept of one cell; reach_m: echoes further from the way are left out
-    ground: where the wheels stood (`pose`), or that corrected by the lowest `echoes`; seed: of the choice
-    passing: correct for the beams that went through a cell without an echo; grounds: what counts as ground
+    per_cell: heights that are kept of one cell
+    reach_m: echoes further from the way are left out
+    ground: where the wheels stood (`pose`), or that corrected by the lowest `echoes`
+    seed: of the choice
+    passing: correct for the beams that went through a cell without an echo
+    grounds: what counts as ground
     """
 
     cell_m: float = 0.05

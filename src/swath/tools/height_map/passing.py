@@ -24,8 +24,10 @@ FLATTEST = 0.18  # tan of 10 deg: flatter beams count as if they fell this steep
 class Passing:
     """Times that beams went through the layers of a range of columns.
 
-    first, count: columns; row, row_count: rows; top: highest height there [m]; layer [m]; times: (row_count,
-    count, layers), 1 = one beam through the whole of it
+    first, count: columns
+    row, row_count: rows
+    top: highest height there [m]; layer [m]; times: (row_count, count, layers), 1 = one beam through the
+        whole of it
     """
 
     def __init__(self, first: int, count: int, row: int, row_count: int, top: float) -> None:

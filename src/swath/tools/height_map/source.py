@@ -52,7 +52,8 @@ class Echoes:
 class Source:
     """name: for messages; track: of the machine (or of the sensor itself); mounting: pose_machine_sensor.
 
-    sweeps: starts a new pass through the echoes; notes: what was left out, grows while reading
+    sweeps: starts a new pass through the echoes
+    notes: what was left out, grows while reading
     frame_is_world: points are in the map already
     """
 
@@ -73,7 +74,8 @@ class Source:
 class Wanted:
     """What the user says about a source; None = find out.
 
-    scans, poses: topics; mount: pose_machine_sensor
+    scans, poses: topics
+    mount: pose_machine_sensor
     range_min, range_max [m]: other ranges are no echo
     to_local: longitude, latitude, height to local metres, None = the plane at the first fix
     antenna: x, y, z of the receiver on the machine [m], None = by /tf_static

@@ -32,8 +32,10 @@ FEW = 30  # with fewer returns nothing is compared
 class LevelComparison:
     """One level of a case against something trusted more.
 
-    against: `real`, or the reference level; value: mean over the seeds
-    band: what repeatability allows, as the size of the deviation; ratings: of each number in RATED
+    against: `real`, or the reference level
+    value: mean over the seeds
+    band: what repeatability allows, as the size of the deviation
+    ratings: of each number in RATED
     """
 
     level: str

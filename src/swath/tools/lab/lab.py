@@ -49,10 +49,15 @@ Progress = Callable[[int, int], None]
 class Settings:
     """densities [stems/m2], sensors (sheets), depressions_deg: every combination is a case.
 
-    crop: sheet; height_m: of the crop, None = the sheet's; levels: None = all that can be run
-    seed: the first one, seeds: how many; distance_m: of the crop along the middle beam
-    half_sector_deg: beams used to either side; passes, stops: of the carriage, per case and seed
-    sets: parameters of the LiDAR, for those levels that know them; base: where relative file names start
+    crop: sheet
+    height_m: of the crop, None = the sheet's
+    levels: None = all that can be run
+    seed: the first one, seeds: how many
+    distance_m: of the crop along the middle beam
+    half_sector_deg: beams used to either side
+    passes, stops: of the carriage, per case and seed
+    sets: parameters of the LiDAR, for those levels that know them
+    base: where relative file names start
     """
 
     densities: tuple[float, ...] = (200.0, 600.0)

@@ -26,8 +26,8 @@ def map_figure(found: Found, settings: Settings) -> Any:
     for ax, name in zip(panels, names, strict=True):
         image = _panel(ax, found.cells[name], is_first=ax is panels[0])
         scores = found.scores(name, settings.least)
-        scores_text = f"usable {scores.usability:.2f}  available {scores.availability:.2f}"
-        ax.set_title(f"{name}\n{scores_text}  reliable {scores.reliability:.2f}", loc="left", fontsize=9)
+        scores_text = f"usable {scores.usability:.2f}, available {scores.availability:.2f}"
+        ax.set_title(f"{name}\n{scores_text},\nreliable {scores.reliability:.2f}", loc="left", fontsize=9)
         ax.set_xlabel("aside [m]")
     panels[0].set_ylabel("ahead of the sensors [m]")
     fig.colorbar(image, ax=panels, shrink=0.75, label="share of looks that detect the person")

@@ -74,11 +74,17 @@ class Condition:
 class Settings:
     """heights [m], densities [stems/m2], weathers: every combination is a condition.
 
-    sensors: of SENSORS; target: a kind of `data/obstacles/`; target_height: None = its sheet's
-    low_height: of the same one lower, for the table alone [m]; crop: sheet; moisture: of the straw [%]
-    camera_px: width of the picture; camera_least_px: height of what is seen of the person that a detector
-    needs; least: share of looks from which on a place counts as covered
-    repeats: at each place, within 0.3 m; looks: of a radar at each of them
+    sensors: of SENSORS
+    target: a kind of `data/obstacles/`
+    target_height: None = its sheet's
+    low_height: of the same one lower, for the table alone [m]
+    crop: sheet
+    moisture: of the straw [%]
+    camera_px: width of the picture
+    camera_least_px: height of what is seen of the person that a detector needs
+    least: share of looks from which on a place counts as covered
+    repeats: at each place, within 0.3 m
+    looks: of a radar at each of them
     """
 
     heights: tuple[float, ...] = (0.6, 0.85)

@@ -36,7 +36,7 @@ class Scores:
 
     availability: share of all looks that detect the person
     reliability: lower end of the interval of 95 % of being right, over all looks with a person and without
-    (Wilson 1927)
+        (Wilson 1927)
     """
 
     usability: float

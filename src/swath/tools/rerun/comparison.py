@@ -18,7 +18,8 @@ ELSEWHEN = "was published at another time"
 class SlotComparison:
     """How one slot compares. sample_count: samples compared.
 
-    differs_at: time of the first difference [ns], None without one; what: its output and fields
+    differs_at: time of the first difference [ns], None without one
+    what: its output and fields
     digest, recorded: chained over the samples that were compared, here and in the recording
     """
 

@@ -76,9 +76,12 @@ class Stand(Protocol):
 
 @dataclass(frozen=True)
 class Organs:
-    """Pieces of plants in the world. a, b: ends [m], (n, 3); half: half width [m], (n, 3), zero for capsules;
-    radius [m], (n,), zero for ribbons and triangles; organ: Organ, (n,); tip: width at b relative to that at
-    a, (n,), zero for triangles.
+    """Pieces of plants in the world.
+
+    a, b: ends [m], (n, 3)
+    half: half width [m], (n, 3), zero for capsules; radius [m], (n,), zero for ribbons and triangles
+    organ: Organ, (n,)
+    tip: width at b relative to that at a, (n,), zero for triangles
     """
 
     a: F64

@@ -36,8 +36,13 @@ IDLE = 0.01  # kg/s below which nothing is cut
 class Records:
     """One entry per record, shape (n,). time [s] from the start; lat, lon [deg], height [m]; speed [m/s].
 
-    distance: since the record before [m]; flow: grain at the sensor [kg/s]; working: header in the crop.
-    width: of the header [m]; moisture: share of the wet mass; crop: data sheet; name: of the run.
+    distance: since the record before [m]
+    flow: grain at the sensor [kg/s]
+    working: header in the crop.
+    width: of the header [m]
+    moisture: share of the wet mass
+    crop: data sheet
+    name: of the run.
     """
 
     time: Array

@@ -36,15 +36,17 @@ CLAIM = Claim(pass_rate=0.8, confidence=0.95)  # 14 runs without a failure for o
 class Bound:
     """How swath makes and measures an attribute.
 
-    key: of the scenario, which gets value * scale + offset; unit: of the values here
+    key: of the scenario, which gets value * scale + offset
+    unit: of the values here
 
-    buckets: rising edges of a number; values: of a category, the scenario keys and values each stands for
+    buckets: rising edges of a number
+    values: of a category, the scenario keys and values each stands for
 
     exposure: share of the working time of each bucket or value, any sum; none = all alike
 
     met: quantity of a run (`swath.runtime.met`), in the same unit, that says what was driven; none = what was
-    set holds all the way; alone: nothing sets the attribute, runs only measure whether they stay inside the
-    ODD
+        set holds all the way; alone: nothing sets the attribute, runs only measure whether they stay inside
+        the ODD
 
     not_simulated: why swath cannot make it; such an attribute has nothing else
     """
@@ -96,8 +98,11 @@ class Bound:
 
 @dataclass(frozen=True, kw_only=True)
 class OddFile:
-    """The keys of a binding. openodd: the documents, beside it; requirement: its identifier elsewhere, of the
-    whole; requirements: of others, the limits that stand for each; the others as in a test case.
+    """The keys of a binding.
+
+    openodd: the documents, beside it
+    requirement: its identifier elsewhere, of the whole
+    requirements: of others, the limits that stand for each; the others as in a test case
     """
 
     format: Literal["swath odd 1"]
@@ -118,7 +123,9 @@ class OddFile:
 class Axis:
     """An attribute that is drawn: its buckets, in order. first: number of its first one among all buckets.
 
-    labels: of the buckets; edges: of a number, () for a category; exposure: shares, sum 1
+    labels: of the buckets
+    edges: of a number, () for a category
+    exposure: shares, sum 1
     """
 
     name: str

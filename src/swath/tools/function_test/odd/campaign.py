@@ -34,9 +34,12 @@ RUNS, LEAST = 400, 8  # of a campaign, by default and at least
 
 @dataclass(frozen=True)
 class Campaign:
-    """What a campaign asks. revision: of the ODD and its binding; budgets: numbers of runs, each longer one
-    after a look at what the shorter one showed; sets, level: as in a plan; seed: of the draws
-    commit: of the checkout that the code came from, "" = unknown.
+    """What a campaign asks.
+
+    revision: of the ODD and its binding
+    budgets: numbers of runs, each longer one after a look at what the shorter one showed
+    sets, level: as in a plan
+    seed: of the draws commit: of the checkout that the code came from, "" = unknown
     """
 
     odd: str

@@ -34,7 +34,8 @@ class Cause:
     """spans: buckets of its attributes; ends: of a box the least and largest value of each, of a cell ().
 
     counted, failed: runs drawn there, rest_counted, rest_failed: drawn elsewhere, of those that belong to no
-    stronger cause; p: of the contrast, after the correction
+        stronger cause
+    p: of the contrast, after the correction
     """
 
     spans: tuple[Span, ...]
@@ -262,8 +263,12 @@ def _text(odd: Odd, spans: Sequence[Span], ends: Sequence[tuple[float, float]] =
 
 @dataclass(frozen=True)
 class Explained:
-    """What the causes say of a broken cell. cause: of most of its failures, None where it has runs enough
-    outside of all causes and these break the claim, too; counted, failed: those runs; why: in words.
+    """What the causes say of a broken cell.
+
+    cause: of most of its failures, None where it has runs enough outside of all causes and these break the
+        claim, too
+    counted, failed: those runs
+    why: in words
     """
 
     cause: Cause | None

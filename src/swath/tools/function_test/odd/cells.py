@@ -33,7 +33,8 @@ VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NEVER)
 class OddCell:
     """A judged cell. places: numbers of its one or two buckets among all; text: `side_slope 7 to 14, ...`.
 
-    counted, failed: runs; p_broken, p_shown: before the correction
+    counted, failed: runs
+    p_broken, p_shown: before the correction
     """
 
     places: tuple[int, ...]

@@ -39,7 +39,8 @@ class Outside:
 class Driven:
     """A run. steps: buckets at each metre, -1 outside of all, (n, attributes); metres, seconds: of the steps.
 
-    main: the bucket of each attribute in which it drove the longest way; outside: None where it stayed inside
+    main: the bucket of each attribute in which it drove the longest way
+    outside: None where it stayed inside
     """
 
     result: Result

@@ -25,8 +25,10 @@ _UNKNOWN_UNIT = re.compile(r": (\S+): unknown unit '([^']+)'")
 
 @dataclass(frozen=True)
 class Attribute:
-    """A concept of the taxonomy. name: with its groups, `terrain.side_slope`; values: of a category, () for a
-    number.
+    """A concept of the taxonomy.
+
+    name: with its groups, `terrain.side_slope`
+    values: of a category, () for a number
     """
 
     name: str

@@ -22,7 +22,8 @@ DEGREE_M = 111_319.49  # of longitude at the equator of WGS 84
 class Traced:
     """What runs say of a requirement. limits: as text; kept, broken, unmeasured, unjudged: counts of runs.
 
-    worst: the run nearest to a limit or farthest beyond one, by margin; why: that limit and its value
+    worst: the run nearest to a limit or farthest beyond one, by margin
+    why: that limit and its value
     """
 
     name: str
