@@ -1,9 +1,12 @@
 """Scenario files: what is read, what is refused and with which words."""
 
+from dataclasses import fields
+
 import pytest
 
 from swath.core.errors import InputError, SwathError
 from swath.scenario.scenario import load_scenario, parse_scenario
+from swath.scenario.slots import CATALOGUE
 from tests.fake_levels import FAKE, GOOD
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
@@ -60,6 +63,20 @@ def test_wires_are_the_slots_own_with_the_scenarios_on_top():
         .slots
     )
     assert slots["steer"].wires == {"scan": ("cart.lidar", "scan")}
+
+
+def test_levels_with_fixed_keys_are_read_back_as_they_were_written():
+    """Every preset of every slot."""
+    found = 0
+    for kind in CATALOGUE.slots:
+        for level in CATALOGUE.registry.names(kind.name):
+            params = CATALOGUE.registry.get(kind.name, level).params
+            if params is None or all(f.init for f in fields(params)):
+                continue
+            scenario = load_scenario("unload-on-the-go", sets=[f"combine.{kind.name}.level={level}"])
+            assert parse_scenario(scenario.resolved()) == scenario
+            found += 1
+    assert found >= 5
 
 
 def test_a_slot_can_be_off():

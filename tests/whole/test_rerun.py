@@ -16,6 +16,7 @@ from swath.core.registry import Level
 from swath.documents.yaml_document import read_document
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.mcap_log import McapLog
+from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.scenario.machine_types import MACHINE_TYPES
 from swath.tools.rerun.comparison import RecordingComparison
@@ -73,6 +74,13 @@ def test_any_slot_may_be_the_log(recorded, tmp_path, slots):
     assert all(identical(summary).values())
     assert len(identical(summary)) == 10 - len(slots)
     assert summary["digest"] == json.loads((recorded / "summary.json").read_text())["digest"]
+
+
+def test_a_played_steering_law_keeps_its_overlap(recorded):
+    """Against which metrics and the report measure the lateral error."""
+    meant = assemble(small()).machines["combine"].overlap
+    assert meant != 0.0
+    assert assemble(plan_rerun(recorded, slots=["steer"]).scenario).machines["combine"].overlap == meant
 
 
 def test_that_was_every_slot():

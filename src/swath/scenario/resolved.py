@@ -168,4 +168,4 @@ def _plain(params: Any) -> dict[str, Any]:
     if params is None or not dataclasses.is_dataclass(params):
         return {}
     written: dict[str, Any] = adapter_of(params.__class__).dump_python((params,), mode="json")[0]
-    return written
+    return {f.name: written[f.name] for f in dataclasses.fields(params) if f.init}

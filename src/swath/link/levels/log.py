@@ -239,6 +239,7 @@ class Params:
     origin: of NavSatFix positions (default: the first one)
     field_folder: or that of a field folder
     antenna_m: x, y, z of the receiver on the machine (default: as recorded, or by /tf_static)
+    overlap_m: how far a recorded steering law held the header end out over the cut ground
     """
 
     file: str | None = None
@@ -258,6 +259,7 @@ class Params:
     origin: GeoOrigin | None = None
     field_folder: str | None = None
     antenna_m: tuple[float, float, float] | None = None
+    overlap_m: Annotated[float, Ge(-1), Le(3)] = 0.0
 
     @property
     def fixed(self) -> dict[str, bool | float]:
@@ -393,12 +395,13 @@ class LogPlayer:
     mounting: pose_machine_sensor, where it is known; optical: pose of a recorded camera's optical frame
     ends_at: the time [ns] from which on there is nothing to play, None while there is; ending: says so
     notes: what the user should know
+    overlap: of the header end, where a steering law is played [m]
     """
 
     inputs: tuple[Port, ...] = ()
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
-        self.params, self.setup = params, setup
+        self.params, self.setup, self.overlap = params, setup, params.overlap_m
         self.log: Log = open_log(recording_path(params, setup.base))
         self.recorded = params.slot or setup.name
         self._types = self.log.topics()

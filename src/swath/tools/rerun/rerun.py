@@ -144,6 +144,9 @@ def _named(slots: Sequence[str], exact: Sequence[str]) -> list[str]:
 def _entry(recorded: Scenario, slot: str, file: Path) -> str:
     """The scenario section of a slot that plays the log at the rate at which it was recorded."""
     machine, _, name = slot.partition(".")
-    common = recorded.machines[machine].slots[name].common
-    schedule = {"rate_hz": common.rate_hz, "offset_ms": common.offset_ms, "latch": common.latch}
-    return json.dumps({"level": "log", "file": str(file.resolve()), **schedule})
+    choice = recorded.machines[machine].slots[name]
+    common, overlap = choice.common, getattr(choice.params, "overlap_m", 0.0)
+    about = {"rate_hz": common.rate_hz, "offset_ms": common.offset_ms, "latch": common.latch}
+    if overlap:
+        about["overlap_m"] = overlap
+    return json.dumps({"level": "log", "file": str(file.resolve()), **about})
