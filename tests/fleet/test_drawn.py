@@ -76,7 +76,8 @@ def test_who_breaks_down_on_the_way_delays_others_and_touches_nobody(late, sched
 
 
 def test_a_result_holds_the_timeline_and_why_machines_waited(schedules, tmp_path):
-    worked = by_events(replace(schedules[130], bound=schedules[130].ends / 1.25))
+    ends = by_events(schedules[130]).ends
+    worked = by_events(replace(schedules[130], bound=ends / 1.25))
     write_result(worked, "drawn", "a drawn job", tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.index("(gap 25 %)") < page.index('href="replay.html"') < page.index("<section")

@@ -152,7 +152,7 @@ class Greedy:
 
     def decide(self, state: State) -> Option:
         """Choose one of the options."""
-        return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free))
+        return min(state.options, key=lambda o: (round(o.lost, 1), o.cart_free, *_alike(o)))
 
 
 class Horizon:
@@ -169,7 +169,7 @@ class Horizon:
         if self._random is not None:
             off = self._random.uniform(0.0, PARAMS.off_s, len(off))
         costs = {
-            o: (round(o.lost + more + self.waits(state, o), 1), round(o.lost, 1), o.cart_free)
+            o: (round(o.lost + more + self.waits(state, o), 1), round(o.lost, 1), o.cart_free, *_alike(o))
             for o, more in zip(state.options, off.tolist(), strict=True)
         }
         best = min(state.options, key=costs.__getitem__)
@@ -198,7 +198,7 @@ class Horizon:
         for _ in range(PARAMS.loads * len(calls)):
             calls.sort(key=lambda call: call[0])
             time, c = calls[0]
-            name = min(carts, key=lambda k: max(time, carts[k][0]))
+            name = min(carts, key=lambda k: (max(time, carts[k][0]), *carts[k], *state.boxes[k]))
             come, room = max(time, carts[name][0]), carts[name][1]
             waits += come - time
             load = min(c.tank, room)
@@ -209,6 +209,11 @@ class Horizon:
                 carts[name] = come, room - load
             calls[0] = come + load / c.fills, c
         return waits
+
+
+def _alike(option: Option) -> tuple[Any, ...]:
+    """By what options that cost alike are told apart: never by name, nor by their order."""
+    return option.kind, option.ends, option.begins, option.load, option.cart_next, option.room
 
 
 BUILT_IN = "horizon", "greedy"
