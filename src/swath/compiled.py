@@ -22,11 +22,14 @@ ROOM = 8  # samples of an input with a history for which there is room at first
 class Compiled(ABC):
     """The parts of a slot in all worlds.
 
-    reads: ports with the type of what they receive, hears: those with a history; one that is open is left out
-        given: what they read, by port
-    sent: what they send, by output: rows with one memory for life heard: trails of what came at inputs with a
-        history since the last step active: (worlds,) those that still run clock: (3,) begin, end and length
-        of a step [ns]; needs: (1,), set by a launch that lacks something
+    reads: ports with the type of what they receive; one that is open is left out
+    hears: the same of those with a history
+    given: what they read, by port
+    sent: what they send, by output: rows with one memory for life
+    heard: trails of what came at inputs with a history since the last step
+    active: (worlds,) those that still run
+    clock: (3,) begin, end and length of a step [ns]
+    needs: (1,), set by a launch that lacks something
     """
 
     reads: ClassVar[Mapping[str, type[Signal]]] = {}
@@ -103,7 +106,9 @@ class Compiled(ABC):
     def _fits(self, inputs: Given) -> bool:
         """Whether inputs are connected as they were, and not longer."""
         is_same = all((inputs.get(name) is not None) == (name in self.given) for name in self.reads)
-        is_same = is_same and all(row.fits(inputs[name]) for name, row in self.given.items())
+        is_same = is_same and all(
+            inputs[name] is row or row.fits(inputs[name]) for name, row in self.given.items()
+        )
         return is_same and all(
             (name in inputs) == (name in self.heard)
             and (name not in inputs or len(inputs[name] or ()) <= len(self.heard[name].times))

@@ -203,7 +203,8 @@ class Logged:
     """What a log says.
 
     raw: columns, and those beside, in their own units
-    time: in clock_units, None = no clock course: clockwise from north [deg]
+    time: in clock_units, None = no clock
+    course: clockwise from north [deg]
     width: of the header, where no column says it [m]
     """
 

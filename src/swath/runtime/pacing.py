@@ -116,8 +116,8 @@ class Pacer:
 
     costs: slot -> wall time used so far [s]
     relieve: takes the next cheaper level at a simulated time [ns]; None when there is none left
-    prepare: does a piece of work in advance, of some ms; False when there is none deferred: does a piece of
-        the work that can wait, but has to be done soon; False when there is none
+    prepare: does a piece of work in advance, of some ms; False when there is none
+    deferred: does a piece of the work that can wait, but has to be done soon; False when there is none
     """
 
     def __init__(

@@ -81,8 +81,8 @@ class RunControl(RunHook):
 
     is_paused: whether the run waits before its first tick
     speed: simulated seconds per second, 0 = as fast as it can
-    saves: another hook of the run, without which it cannot go back listeners: called in the thread of the run
-        when something was changed
+    saves: another hook of the run, without which it cannot go back
+    listeners: called in the thread of the run when something was changed
     """
 
     def __init__(self, *, is_paused: bool = False, speed: float = 0.0, saves: Saves | None = None) -> None:

@@ -31,7 +31,8 @@ class Worlds:
     """Worlds whose schedules and wires are alike, and what goes along with each; drives them to their ends.
 
     hooks: of each world
-    is_whole: False where nothing but limits is judged, and there are no digests lockstep: what steps them
+    is_whole: False where nothing but limits is judged, and there are no digests
+    lockstep: what steps them
     """
 
     def __init__(

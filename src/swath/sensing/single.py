@@ -29,8 +29,8 @@ class SingleRays:
     judged: kind of surface whose echoes must be strong enough to be detected, ANY = all
     blind: kind that gives no echo, NOTHING = none
     by_signal: noise grows as the signal falls, where the data sheet says so
-    scored: the caster wants the random numbers of the beams, noise or not rotations: of the sensor at each
-        beam, (room, 3, 3)
+    scored: the caster wants the random numbers of the beams, noise or not
+    rotations: of the sensor at each beam, (room, 3, 3)
     """
 
     def __init__(

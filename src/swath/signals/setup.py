@@ -45,8 +45,8 @@ class Pipe:
 
     x, y, z: its pivot in the machine frame [m]
     length [m]: pivot to mouth, outward and level
-    swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s] exit_speed: of the
-    grain [m/s]
+    swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
+    exit_speed: of the grain [m/s]
     fall: its direction below the pipe's [rad]
     """
 

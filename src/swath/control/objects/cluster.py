@@ -261,8 +261,8 @@ AROUND = np.array([(cos(a), sin(a)) for a in np.arange(0.0, 6.2, 0.5)]).T  # dir
 class HeightMap(KeepsState):
     """Top of what stands on each cell of the ground, in the frame of the dead reckoning; it goes on round.
 
-    memory: a height counts so long [s] slope: of its surfaces along x and y of that frame; most neighbours
-        are of one surface, edges count little
+    memory: a height counts so long [s]
+    slope: of its surfaces along x and y of that frame; most neighbours are of one surface, edges count little
     """
 
     kept = ("_top", "_seen", "slope")

@@ -47,7 +47,8 @@ class Wiring:
     """How an FMU fills its slot.
 
     inputs, outputs: in the order in which its numbers are passed
-    constants: port -> field -> value inputs_ports, output_ports: those that it needs and gives
+    constants: port -> field -> value
+    inputs_ports, output_ports: those that it needs and gives
     starts: FMU variable -> start value
     notes: what the user should know
     """

@@ -66,8 +66,8 @@ class McapLog:
     """Reads an MCAP file from its beginning, without its index.
 
     by_time: messages in the order of time, not of the file, which is that in which swath writes
-    packed: every message is packed by zstd, as rosbag 2 can do it notes: what went wrong, with how often;
-        grows while reading
+    packed: every message is packed by zstd, as rosbag 2 can do it
+    notes: what went wrong, with how often; grows while reading
     """
 
     magic, kind = MAGIC, "an MCAP file"

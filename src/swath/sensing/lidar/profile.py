@@ -133,11 +133,8 @@ class Scanners(Sweeps):
         kinds = kernel.Sweep, Aiming, Profile, Canopy, Beams, Electronics
         sweeps, *more = (of_worlds(kind, own) for kind, own in zip(kinds, held, strict=True))
         self._held = held, sweeps, more
-        asked, between = (self.clock, self.needs), (self.states.reshape(self.worlds, -1), self.counts)
-        before, after = (
-            [*map(shared, asked), sweeps, *map(shared, between)],
-            (self._stations, self._looked_at),
-        )
+        states, after = self.states.reshape(self.worlds, -1), (self._stations, self._looked_at)
+        before = shared(self.clock), shared(self.needs), sweeps, shared(states), shared(self.counts)
         scanned = [*before, *more, *map(shared, after)]
         return [
             self.taking(0.5 * AHEAD, is_asked=bool(self._swinging)),
@@ -176,14 +173,11 @@ class Scanners(Sweeps):
 
     def _lay(self) -> None:
         """The ground in reach of the scanners that have left what was laid, from states of the machines."""
-        for world, count in enumerate(self.counts.tolist()):
-            x, y = self.states[world, :count, 1:3].T
-            gone = np.hypot(x - self.laid_at[world, 0], y - self.laid_at[world, 1])
-            if (gone < 0.5 * AHEAD).all():
-                continue
-            for place in ((x[0], y[0]), (x[-1], y[-1])):
-                self.parts[world].profile.lay_around(*place, self._reach)
-            self.laid_at[world] = x[-1], y[-1]
+        for world in np.flatnonzero(np.isnan(self.laid_at[:, 0])).tolist():
+            states = self.states[world, : self.counts[world], 1:3]
+            for x, y in states[[0, -1]].tolist() if len(states) else ():
+                self.parts[world].profile.lay_around(x, y, self._reach)
+                self.laid_at[world] = x, y
 
 
 def _of_library(part: ProfileLidar) -> tuple[float, float]:

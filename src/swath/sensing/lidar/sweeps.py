@@ -18,27 +18,22 @@ from swath.signals import MachineState, Scan, ScanTruth
 
 
 class Sweeps(Compiled):
-    """The scanners of a slot in all worlds, which have the same beams; Python makes each scan.
-
-    room: beams for which there is memory
-    """
+    """The scanners of a slot in all worlds, which have the same beams; Python makes each scan."""
 
     hears: ClassVar = {"state": MachineState}
 
     def __init__(self, parts: Sequence[Any], room: int = 0) -> None:
         n, first = len(parts), parts[0]
         count, echoes = len(first.azimuth), first.scanner.echo_count
-        self.room = max(room, count)
-        scanned = dict.fromkeys(("ranges", "intensity"), Room((count, echoes), self.room))
-        hit = {"points": Room((count, echoes, 3), self.room), "sensor_position": Room((count, 3), self.room)}
+        room = max(room, count)  # beams for which there is memory
+        scanned = dict.fromkeys(("ranges", "intensity"), Room((count, echoes), room))
+        hit = {"points": Room((count, echoes, 3), room), "sensor_position": Room((count, 3), room)}
         alike = {"beam_t": first.scanner.beam_t, "azimuth": first.azimuth, "elevation": first.elevation}
         scan, truth = row_of(Scan, n, rooms=scanned, alike=alike), row_of(ScanTruth, n, rooms=hit)
         super().__init__(n, {"scan": scan, "truth": truth})
         self.parts: Sequence[Any] = parts
         self.arrays = {
-            name: row.roomy(name, self.room)
-            for row, names in ((scan, scanned), (truth, hit))
-            for name in names
+            name: row.roomy(name, room) for row, names in ((scan, scanned), (truth, hit)) for name in names
         }
         self.words = np.zeros((n, 3), np.uint64)
         self.states, self.last = np.zeros((n, ROOM, 13)), np.zeros((n, 13))

@@ -44,7 +44,8 @@ def take_states(
 
     head, stamps, poses: of the trail of states; last: of each world that newest one, t < 0 = none
     swept: sweeps so far
-    needs: set where a machine is farther than `most` [m] from where its ground was laid, or always
+    laid_at: where the ground was laid, nan where it is to be laid anew: farther than `most` [m] from there
+    needs: set where ground is to be laid, or always
     """
     w = wp.tid()
     room = states.shape[1] // 13
@@ -72,6 +73,7 @@ def take_states(
         east = states[w, at + 1] - laid_at[w, 0]
         north = states[w, at + 2] - laid_at[w, 1]
         if not (wp.sqrt(east * east + north * north) < most):
+            laid_at[w, 0] = wp.float64(wp.nan)
             needs[0] = 1
     if came > 0:
         last[w, 0] = wp.float64(stamps[came - 1])

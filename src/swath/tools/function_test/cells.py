@@ -41,7 +41,8 @@ class Cell:
         nor unjudged ones; surprises: runs that passed at points of known failures
     unjudged: runs with a level outside its checked range
     outside: these by slot and quantity
-    errors: runs that came to one failed: runs that count and did not pass
+    errors: runs that came to one
+    failed: runs that count and did not pass
     groups: the same by the first limit that failed
     measured: what its runs measured, None where there is no other candidate
     worst: the run farthest beyond a limit, or nearest to one; an error before all others

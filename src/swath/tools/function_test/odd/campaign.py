@@ -39,7 +39,8 @@ class Campaign:
     revision: of the ODD and its binding
     budgets: numbers of runs, each longer one after a look at what the shorter one showed
     sets, level: as in a plan
-    seed: of the draws commit: of the checkout that the code came from, "" = unknown
+    seed: of the draws
+    commit: of the checkout that the code came from, "" = unknown
     """
 
     odd: str
