@@ -1,14 +1,14 @@
 """What outputs sent over a while, side by side: for those who look on, and need not look at every sample.
 
 An observer of a graph with `take` is given what a world's slots sent since it looked last (`Seen`), at the
-end of a beat and before it is asked for anything (`look`). How long a beat is changes no result. One with
-`show` is shown every sample beside that, made where it is asked for (`Shown`).
+end of a beat and before it is asked for anything (`look`). How long a beat is changes no result. Parts of one
+(`Looker`) are shown samples at their time beside that, made where they are asked for (`Shown`).
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,29 +41,28 @@ class TakesBlocks(Protocol, metaclass=ByMembers):
         """Take what was sent since the last call."""
 
 
-@runtime_checkable
-class LooksOn(Protocol, metaclass=ByMembers):
-    """One that is shown samples, too, of slots that it looks at. kinds: of what they may send.
+class Looker(NamedTuple):
+    """A part of an observer, which is shown samples at their time.
 
-    rests: by slot the time [ns] until when it need not be shown any
+    see: takes (slot, t, `Shown`)
+    rests: whether it need not be shown those of before its own `rests_until` [ns]
     """
 
-    rests: Mapping[str, int]
+    part: Any
+    see: Callable[[str, int, Any], None]
+    rests: bool = False
 
-    def looks_at(self, slot: str, kinds: Sequence[type[Signal]]) -> bool:
-        """Whether it wants the samples of a slot."""
 
-    def show(self, slot: str, t: int, outputs: "Shown") -> None:
-        """Take the outputs of a slot at a time [ns]."""
+@runtime_checkable
+class LooksOn(Protocol, metaclass=ByMembers):
+    """One of these with parts that are shown samples, too."""
+
+    def lookers(self, slot: str, kinds: tuple[type[Signal], ...]) -> Sequence[Looker]:
+        """Those that want samples of these types from a slot."""
 
 
 def no_look() -> None:
     """Nothing waits."""
-
-
-def no_waiting(kind: type[Signal], machine: str) -> "Block | None":
-    """Nothing waits for one who follows."""
-    return None
 
 
 class Pile:
@@ -165,6 +164,15 @@ class Pile:
     def worlds(self) -> int:
         """Number of worlds."""
         return len(self.each[0]) if self.each else next(iter(self.arrays.values())).shape[1]
+
+    def last(self, name: str, worlds: Sequence[int]) -> NDArray[Any]:
+        """A field of the newest sample in some worlds, (n, ...)."""
+        k = self.count - 1
+        if self.each:
+            return np.array([plain(getattr(self.each[k][world], name)) for world in worlds])
+        if name == "t":
+            return np.full(len(worlds), self.stamps[k])
+        return self.array(name)[k, worlds]
 
     def _fits(self, samples: Samples) -> bool:
         if samples.kind is not self.kind or samples.arrays.keys() != self._arrays.keys():
@@ -311,15 +319,21 @@ class Seen:
 class Shown(Mapping[str, Signal]):
     """What a slot of one world sent at a time; samples are made where they are asked for.
 
-    waiting: what was sent since the last look, of a type and machine; None = nothing
+    blocks: what was sent since the last look
     """
 
-    __slots__ = ("_sent", "_world", "waiting")
+    __slots__ = ("_blocks", "_sent", "_world")
 
-    def __init__(
-        self, sent: Mapping[str, Sent], world: int, waiting: Callable[[type[Signal], str], Block | None]
-    ) -> None:
-        self._sent, self._world, self.waiting = sent, world, waiting
+    def __init__(self, sent: Mapping[str, Sent], world: int, blocks: "Blocks | None" = None) -> None:
+        self._sent, self._world, self._blocks = sent, world, blocks
+
+    def waiting(self, kind: type[Signal], machine: str) -> Block | None:
+        """What was sent since the last look, of a type and machine; None = nothing."""
+        return None if self._blocks is None else self._blocks.waiting(self._world, kind, machine)
+
+    def to_all(self) -> "ShownToAll":
+        """The same, of one of several worlds."""
+        return ShownToAll(self._sent, [self._world], self._blocks)
 
     def __contains__(self, output: object) -> bool:  # without making the sample
         return output in self._sent
@@ -350,6 +364,39 @@ class Shown(Mapping[str, Signal]):
         return None
 
 
+class ShownToAll:
+    """The same in several worlds. worlds: their numbers."""
+
+    def __init__(
+        self, sent: Mapping[str, Sent], worlds: Sequence[int], blocks: "Blocks | None" = None
+    ) -> None:
+        self._sent, self.worlds, self._blocks = sent, worlds, blocks
+
+    @classmethod
+    def of_one(cls, outputs: Mapping[str, Signal]) -> "ShownToAll":
+        """Of what a slot sent in one world."""
+        if isinstance(outputs, Shown):
+            return outputs.to_all()
+        return cls({output: Sent(None, [signal]) for output, signal in outputs.items()}, [0])
+
+    def of(self, k: int) -> Shown:
+        """That of the k-th of these worlds."""
+        return Shown(self._sent, self.worlds[k], self._blocks)
+
+    def numbers(self, kind: type[Signal], name: str) -> Sequence[Any] | None:
+        """A number of the sample of a type, in each world; None without one."""
+        for sent in self._sent.values():
+            if issubclass(sent.kind, kind):
+                values = sent.values(name)
+                return [values[world] for world in self.worlds]
+        return None
+
+    def newest(self, kind: type[Signal], machine: str) -> Pile | None:
+        """Where the newest that nobody has looked at lies; None = nowhere."""
+        piles = () if self._blocks is None else self._blocks.piles(kind, machine)
+        return max((pile for pile in piles if pile.count), key=lambda pile: pile.orders[-1], default=None)
+
+
 def number_of(outputs: Mapping[str, Signal], kind: type[Signal], name: str) -> Any:
     """As `Shown.number`, of any outputs."""
     if isinstance(outputs, Shown):
@@ -374,7 +421,7 @@ class Blocks:
         self._piles: dict[Wire, list[Pile]] = {}
         self._rooms: dict[Wire, int] = {}  # how many samples came before a look
         self._heads: dict[Wire, Ints] = {}
-        self._asked: dict[tuple[type[Signal], str], list[Pile]] = {}  # which `waiting` looks at
+        self._asked: dict[tuple[type[Signal], str], list[Pile]] = {}  # of `piles`
         self.order = np.zeros(1, np.int64)
 
     def add(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
@@ -410,13 +457,17 @@ class Blocks:
 
     def waiting(self, world: int, kind: type[Signal], machine: str) -> Block | None:
         """Of a type and machine what nobody has looked at."""
+        own = [Block(pile, world) for pile in self.piles(kind, machine) if pile.count]
+        return (own[0] if len(own) == 1 else Seen(own).of(kind)) if own else None
+
+    def piles(self, kind: type[Signal], machine: str) -> Sequence[Pile]:
+        """Where the same lies, of all worlds."""
         piles = self._asked.get((kind, machine))
         if piles is None:
             every = (p for piles in self._piles.values() for p in piles if issubclass(p.kind, kind))
             piles = [pile for pile in every if pile.slot.partition(".")[0] == machine]
             self._asked[kind, machine] = piles
-        own = [Block(pile, world) for pile in piles if pile.count]
-        return (own[0] if len(own) == 1 else Seen(own).of(kind)) if own else None
+        return piles
 
     def _begin(self, slot: str, output: str, sent: Sent, room: int = ROOM) -> Pile:
         """Another pile of an output."""

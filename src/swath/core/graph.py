@@ -4,18 +4,17 @@ import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
-from operator import is_
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.abilities import EndsRun, StepsAnyLength
-from swath.core.blocks import Block, Blocks, LooksOn, Seen, Shown, TakesBlocks, no_waiting
+from swath.core.blocks import Block, Blocks, Seen, Shown
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import SwathError, WiringError
 from swath.core.fault import FaultyOutput
+from swath.core.onlookers import Audience, Onlookers, audiences
 from swath.core.ops import Goal, Member, Op, Program, Queue, Source
 from swath.core.random import Stream
 from swath.core.rows import Row, Trail, can_be_row, row_of
@@ -25,7 +24,7 @@ from swath.core.together import EndsWorlds, InWorlds, Sent, StepsTogether, Toget
 
 Wire = tuple[str, str]
 Ints = NDArray[np.int64]
-NEVER, SOME = 1 << 62, 64  # ns; samples for which a trail has room at first
+SOME = 64  # samples for which a trail has room at first
 Observer = Callable[[str, int, Mapping[str, Signal]], None]
 
 
@@ -326,11 +325,12 @@ class Lockstep:
         self.errors: dict[int, Exception] = {}
         self._failed: list[int] = []
         self.blocks = Blocks()
-        self._watched: list[_Watched] = []
+        self._watched: list[Onlookers] = []
         self._takes = False
-        self._audience: dict[str, list[_Watched]] = {}  # by slot
+        self._audience: dict[tuple[object, ...], list[Audience]] = {}  # by slot and types
         self._followers: dict[str, list[tuple[int, Observer]]] = {}
-        self._looked_at: list[tuple[int, _Watched]] | None = None  # ops, by place
+        self._looked_at: list[tuple[int, Audience]] | None = None  # ops, by place
+        self._enders: list[tuple[int, EndsRun]] | None = None  # who looks on, by world
         self._latest: dict[Wire, Sent] = {}
         self._before: dict[Wire, Sent] = {}
         self._ranks: list[_Rank] = []
@@ -400,14 +400,14 @@ class Lockstep:
             for slot, follow in graph.follows.items():
                 self._followers.setdefault(slot, []).append((world, follow))
         pairs = zip(self._watched, self.graphs, strict=False)
-        if self._watched and not anew and all(watched.is_same(graph) for watched, graph in pairs):
+        if self._watched and not anew and all(w.is_same(g.observers, g.watches) for w, g in pairs):
             return
-        self._watched = [_Watched(graph, self.blocks, world) for world, graph in enumerate(self.graphs)]
+        self._watched = [Onlookers(graph.observers, graph.watches) for graph in self.graphs]
         takes = any(watched.takers for watched in self._watched)
         if takes != self._takes:
             self._takes = takes
             self._dismiss()
-        self._audience, self._looked_at = {}, None
+        self._forget_audience()
         for taker in (taker for watched in self._watched for taker in watched.takers):
             taker.look = self.look
 
@@ -491,10 +491,11 @@ class Lockstep:
     def _sleeps(self, program: Program) -> Iterator[tuple[int, int]]:
         """Places of ops that somebody looks at, and from when on [ns] each sample has to be shown."""
         if self._looked_at is None:
-            every = ((place, self._seen_by(self._ranks[place])) for place in program.by_place)
-            self._looked_at = [(place, watched) for place, seen in every for watched in seen]
-        for place, watched in self._looked_at:
-            yield place, watched.sleeps(self._ranks[place].name)
+            every = ((place, [row.kind for _, row in sends]) for place, sends in program.sends.items())
+            seen = ((place, self._seen_by(self._ranks[place], kinds)) for place, kinds in every)
+            self._looked_at = [(place, audience) for place, own in seen for audience in own]
+        for place, audience in self._looked_at:
+            yield place, audience.sleeps()
 
     def _walk(self, program: Program, first: int, last: int, base: int) -> int:
         """Ticks at which nothing but ops is due; gives the one after the last that was walked."""
@@ -530,7 +531,8 @@ class Lockstep:
                     self._go(program, number, number + 1, base, (first, end))
                     self._follow(program, t, program.places[first:end])
                     if (place := program.places[end - 1]) in awake and self.going:
-                        self._show(ranks[place], t)
+                        sent = {wire[1]: self._latest[wire] for wire, _ in program.sends[place]}
+                        self._show(ranks[place], t, sent)
                 first = end
 
     def _go(
@@ -578,18 +580,16 @@ class Lockstep:
             if self._followers and (rank := self._ranks[place]).name in self._followers:
                 self._tell(rank, t, {wire[1]: self._latest[wire] for wire, _ in program.sends[place]})
 
-    def _show(self, rank: _Rank, t: int) -> None:
-        """Show what an op sent to those who look at every sample."""
-        outputs = {output: self._latest[rank.name, output] for output in rank.sends}
-        for watched in self._seen_by(rank):
-            if self.active[watched.world]:
-                watched.show(rank.name, t, outputs)
+    def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
+        """Show what a slot sent to those who look at it at its time."""
+        for audience in self._seen_by(rank, [sent.kind for sent in outputs.values()]):
+            audience.show(rank.name, t, outputs, self.blocks)
 
     def _tell(self, rank: "_Rank", t: int, outputs: Mapping[str, Sent]) -> None:
         """Tell who follows a slot of its newest sample."""
         for world, follow in self._followers.get(rank.name, ()):
             if self.active[world]:
-                follow(rank.name, t, Shown(outputs, world, no_waiting))
+                follow(rank.name, t, Shown(outputs, world))
 
     def _prepared(self, goal: Goal | None) -> Program:
         """The program of the components and observers that there are."""
@@ -716,7 +716,9 @@ class Lockstep:
 
     def go_on(self) -> None:
         """Step all of them, those too that have ended."""
-        self.active[:], self.going = True, list(range(len(self.graphs)))
+        if not self.active.all():
+            self.active[:], self.going = True, list(range(len(self.graphs)))
+            self._forget_audience()
 
     def stop(self, worlds: Iterable[int]) -> None:
         """Step these no longer."""
@@ -724,14 +726,15 @@ class Lockstep:
         over = [*worlds]
         self.active[over] = False
         self.going = np.flatnonzero(self.active).tolist()
+        self._forget_audience()
         if self._program is not None and self._program.goal is not None:
             self._program.least[over] = np.inf
 
     def let_go(self) -> None:
         """Forget a graph that was alone, and who looks on."""
         if len(self.graphs) == 1:
-            self.graphs, self._watched, self._audience = (), [], {}
-            self._followers, self._looked_at = {}, None
+            self.graphs, self._watched, self._followers = (), [], {}
+            self._forget_audience()
             for part in (rank.parts[0] for rank in self._ranks):
                 if isinstance(part, InWorlds):
                     part.alone = None  # which holds the part
@@ -825,9 +828,10 @@ class Lockstep:
 
     def _observers_end(self, t: int) -> dict[int, str]:
         """The same of those that look on."""
-        enders = ((world, ender) for world in self.going for ender in self._watched[world].enders)
-        found = ((world, ender.end_reason(t)) for world, ender in enders)
-        return {world: reason for world, reason in reversed([*found]) if reason}
+        if self._enders is None:
+            self._enders = [(world, e) for world in self.going for e in self._watched[world].enders]
+        found = [(world, reason) for world, ender in self._enders if (reason := ender.end_reason(t))]
+        return dict(reversed(found))
 
     def _step(self, rank: _Rank, t: int) -> None:
         period, batch, outputs = rank.slot.period, rank.batch, dict[str, Sent]()
@@ -904,9 +908,7 @@ class Lockstep:
             self.blocks.add(rank.name, t, outputs)
         if rank.name in self._followers:
             self._tell(rank, t, outputs)
-        for watched in self._seen_by(rank):
-            if self.active[watched.world]:
-                watched.show(rank.name, t, outputs)
+        self._show(rank, t, outputs)
 
     def _arrive(self, wire: Wire, sent: Sent) -> None:
         """The newest sample of an output: who reads it has it from now on."""
@@ -925,60 +927,14 @@ class Lockstep:
             for queue in queues:
                 queue.append(kept)
 
-    def _seen_by(self, rank: _Rank) -> "list[_Watched]":
-        """Who looks at what a slot sends."""
-        audience = self._audience.get(rank.name)
-        if audience is None:
-            kinds = [port.signal for part in rank.parts for port in part.outputs]
-            audience = [watched for watched in self._watched if watched.wants(rank.name, kinds)]
-            self._audience[rank.name] = audience
-        return audience
+    def _forget_audience(self) -> None:
+        """Other worlds run, or others look on."""
+        self._audience, self._looked_at, self._enders = {}, None, None
 
-
-class _Watched:
-    """Who looks on in a world: now and then (`takers`), or at every sample; enders may end it."""
-
-    def __init__(self, graph: Graph, blocks: Blocks, world: int) -> None:
-        self.world, self._waiting = world, partial(blocks.waiting, world)
-        self.watches, self._known = graph.watches, [*graph.observers]
-        self.takers = [o for o in graph.observers if isinstance(o, TakesBlocks) and o.is_late]
-        self.enders = [o for o in graph.observers if isinstance(o, EndsRun)]
-        self._late = {*map(id, self.takers)}
-        self._by_slot: dict[str, list[tuple[Any, bool]]] = {}
-
-    def is_same(self, graph: Graph) -> bool:
-        """Whether nobody came or went since."""
-        now, known = graph.observers, self._known
-        return self.watches is graph.watches and len(now) == len(known) and all(map(is_, now, known))
-
-    def wants(self, slot: str, kinds: Sequence[type[Signal]]) -> bool:
-        """Whether somebody looks at what a slot sends, samples of these types."""
-        found = self._by_slot[slot] = []
-        for observer in self._known:
-            is_late = id(observer) in self._late
-            if not is_late or (isinstance(observer, LooksOn) and observer.looks_at(slot, kinds)):
-                found.append((observer, is_late))
-        return bool(found) or slot in self.watches
-
-    def sleeps(self, slot: str) -> int:
-        """Until when [ns] nobody looks at every sample of a slot."""
-        if slot in self.watches:
-            return 0
-        return min(
-            (o.rests.get(slot, 0) if is_late else 0 for o, is_late in self._by_slot[slot]), default=NEVER
-        )
-
-    def show(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
-        """Show what a slot sent at t [ns] to those who look at every sample."""
-        own: Outputs | None = None
-        watch = self.watches.get(slot)
-        if watch is not None:
-            watch(slot, t, Shown(outputs, self.world, self._waiting))
-        for observer, is_late in self._by_slot[slot]:
-            if is_late:
-                if t >= observer.rests.get(slot, t):
-                    observer.show(slot, t, Shown(outputs, self.world, self._waiting))
-                continue
-            if own is None:
-                own = {output: sent.each[self.world] for output, sent in outputs.items()}
-            observer(slot, t, own)
+    def _seen_by(self, rank: _Rank, kinds: Sequence[type[Signal]]) -> list[Audience]:
+        """Who of the worlds that run looks at samples of these types from a slot."""
+        key = rank.name, *kinds
+        if key not in self._audience:
+            own = {world: self._watched[world] for world in self.going}
+            self._audience[key] = audiences(own, rank.name, (*kinds,))
+        return self._audience[key]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.frames import Pose
+from swath.core.together import plain
 from swath.field.edge_defects import Gap
 from swath.field.rows import Rows
 
@@ -48,21 +49,46 @@ class Standing(Protocol):
 def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end: float) -> Bits:
     """Whether crop stands on lines across a machine at x [m] ahead, from y = begin to y = end [m].
 
-    In a row crop the ground is its row's, see `field/rows.py`.
-
     pose: pose_world_machine. Shape (n, k) for x of shape (n,), else (k,): the middles of k steps.
     """
-    count = max(round(abs(end - begin) / STEP_M), 2)
-    (px, py, _), ((ax, bx, _), (ay, by, _), _) = pose.numbers
-    first_x, first_y = px + bx * begin, py + by * begin
     at = np.asarray(x, dtype=float)
-    starts = [(first_x + ax * ahead, first_y + ay * ahead) for ahead in at.ravel().tolist()]
-    width = (end - begin) / count
+    numbers, count = np.array([plain(pose)]), steps_between(begin, end)
+    starts = starts_across(numbers, at.ravel(), begin).tolist()
+    crop = crop_along(field, numbers[0].tolist(), starts, (end - begin) / count, count)
+    return crop.reshape(*at.shape, count)
+
+
+def steps_between(begin: float, end: float) -> int:
+    """How many steps a line between two places [m] has."""
+    return max(round(abs(end - begin) / STEP_M), 2)
+
+
+def starts_across(poses: Array, x: Array, begin: Array | float) -> Array:
+    """Where lines across machines begin in the world [m], (n, 2).
+
+    poses: pose_world_machine as 12 numbers: position, then rows of the rotation, (n, 12) or (1, 12)
+    x, begin: of the machine [m], (n,)
+    """
+    (px, py), (ax, bx, _, ay, by) = poses[:, :2].T, poses[:, 3:8].T
+    ahead, aside = px + bx * begin + ax * x, py + by * begin + ay * x
+    return np.stack([ahead, aside], axis=1)
+
+
+def crop_along(
+    field: Standing, pose: Sequence[float], starts: Sequence[Place], width: float, count: int
+) -> Bits:
+    """Whether crop stands at the middles of steps of a width [m] to the left of a machine, (n, count).
+
+    In a row crop the ground is its row's, see `field/rows.py`.
+
+    pose: as 12 numbers; starts: of the lines, in the world [m]
+    """
+    ax, bx, _, ay, by = pose[3:8]
     crop = field.standing_along(starts, (bx * width, by * width), count)
     rows = field.rows
     if rows is not None and rows.are_along(ax, ay):
         crop = rows.whole(crop, rows.left(*np.array(starts).T), width * float(rows.left(bx, by)))
-    return crop.reshape(*at.shape, count)
+    return crop
 
 
 def edges_of(crop: Bits) -> list[Array]:

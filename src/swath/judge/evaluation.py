@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from swath.core.abilities import EndsRun, HasNotes
-from swath.core.blocks import Seen, Shown, no_look
+from swath.core.blocks import Looker, Seen, no_look
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import (
@@ -66,10 +66,8 @@ class Evaluation:
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
         self.look: Callable[[], None] = no_look
-        self._shown: dict[tuple[object, ...], _Shown] = {}
+        self._shown: dict[tuple[object, ...], list[Looker]] = {}
         self._takers: dict[tuple[str, type[Signal]], list[Any]] = {}
-        self.rests: dict[str, int] = {}
-        self._resting: dict[str, list[Rests]] = {}  # by slot, where all rest at times
         self._left_out: set[int] = set()  # evaluators that nobody asks
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
@@ -79,7 +77,12 @@ class Evaluation:
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Show samples to the evaluators whose business they are."""
         self._give(Seen.of_one(slot, t, outputs))
-        self._show(slot, t, tuple(map(type, outputs.values())), outputs)
+        kinds = tuple(map(type, outputs.values()))
+        if (slot, *kinds) not in self._shown:
+            self._shown[slot, *kinds] = self.lookers(slot, kinds)
+        for part, see, rests in self._shown[slot, *kinds]:
+            if not rests or t >= part.rests_until:
+                see(slot, t, outputs)
         if self._windows:
             self._show_windows(slot, t, outputs)
 
@@ -92,16 +95,17 @@ class Evaluation:
         """Give what was sent to the evaluators that take many samples at once."""
         self._give(seen)
 
-    def show(self, slot: str, t: int, outputs: Shown) -> None:
-        """Show samples to those that look at each at its time."""
-        self._show(slot, t, outputs.kinds(), outputs)
-
-    def looks_at(self, slot: str, kinds: Sequence[type[Signal]]) -> bool:
-        """Whether an evaluator looks at what a slot sends at its time."""
-        self._shown.clear()
-        self._resting.clear()
-        self.rests.clear()
-        return any(len(shown) for shown in self._shown_to(slot, tuple(kinds)))
+    def lookers(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Looker]:
+        """Who is shown samples of these types from a slot at their time: always, or unless it rests."""
+        found = []
+        for e in self.interested(slot, kinds):
+            if isinstance(e, SeesLive):
+                is_live = is_among(kinds, e.live)
+                if is_live or isinstance(e, Rests):
+                    found.append(Looker(e, e.see_live, not is_live))
+            elif not isinstance(e, TakesSeen):
+                found.append(Looker(e, e.see, isinstance(e, Rests)))
+        return found
 
     def only_limits(self) -> None:
         """From now on nothing is asked but limits: only what they stand on, and may end the run, looks on."""
@@ -122,24 +126,6 @@ class Evaluation:
             found |= {id(e): (e, "" if e.OF_FIELD else key[0]) for e in self._takers[key]}
         for evaluator, machine in found.values():
             evaluator.take(seen.of_machine(machine))
-
-    def _show(
-        self, slot: str, t: int, kinds: tuple[type[Signal], ...], outputs: Mapping[str, Signal]
-    ) -> None:
-        shown = self._shown.get((slot, *kinds))
-        if shown is None:
-            shown = self._shown[(slot, *kinds)] = self._shown_to(slot, kinds)
-            if shown[0]:
-                self._resting.pop(slot, None)
-            elif shown[1]:
-                self._resting.setdefault(slot, []).extend(evaluator for evaluator, _ in shown[1])
-        for see in shown[0]:
-            see(slot, t, outputs)
-        for evaluator, see in shown[1]:
-            if t >= evaluator.rests_until:
-                see(slot, t, outputs)
-        for name, resting in self._resting.items():
-            self.rests[name] = min(evaluator.rests_until for evaluator in resting)
 
     @property
     def reads_tracks(self) -> bool:
@@ -251,19 +237,6 @@ class Evaluation:
         told = f"{len(events)} in all, because of {', '.join(others) or 'nothing that is there'}"
         return value, f"{reason} because of {why}; {told}" if reason else ""
 
-    def _shown_to(self, slot: str, kinds: tuple[type[Signal], ...]) -> "_Shown":
-        """Who is shown samples of these types from a slot: always, or unless it rests."""
-        shown: _Shown = [], []
-        for e in self.interested(slot, kinds):
-            see = e.see_live if isinstance(e, SeesLive) else None if isinstance(e, TakesSeen) else e.see
-            if see is not None and isinstance(e, SeesLive) and is_among(kinds, e.live):
-                shown[0].append(see)
-            elif see is not None and isinstance(e, Rests):
-                shown[1].append((e, see))
-            elif see is not None and not isinstance(e, SeesLive):
-                shown[0].append(see)
-        return shown
-
     def interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:
         """Who wants samples of these types from a slot: evaluators of its machine, then of the field."""
         own = self._of.get(slot.partition(".")[0], [])
@@ -312,9 +285,6 @@ class Evaluation:
                 if moved is not None:
                     watch.look_for_events()
                 watch.see(self._distance[subject], slot, t, outputs)
-
-
-_Shown = tuple[list[See], list[tuple[Any, See]]]  # always, unless they rest
 
 
 def _is_object(value: Any) -> bool:

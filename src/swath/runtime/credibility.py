@@ -21,17 +21,17 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import MeetsRange
-from swath.core.blocks import number_of, samples_of
+from swath.core.blocks import ShownToAll
 from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
-from swath.judge.evaluator import HasSignals, Metric
+from swath.judge.evaluator import HasSignals, Metric, SeesAll
 from swath.judge.windows import FIELD
-from swath.runtime.met import EVERY_M, QUANTITIES, where_is
+from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, where_is
 from swath.runtime.world import Machine, World
-from swath.signals import MachineState, Signal
+from swath.signals import MachineState
 
 SUMMARY = "credibility"
 INSIDE, EDGE, OUTSIDE = "inside", "at the edge", "outside"
@@ -94,12 +94,17 @@ class Scene:
         self.unchecked: dict[str, dict[str, list[str]]] = {}
         self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
         self.slots = {m.name: m.slots for m in world.machines.values()}
+        self._fixed: dict[str, dict[str, float]] = {}  # of machines, by quantity
+        self._others: dict[str, list[tuple[str, Checked]]] = {}  # quantities that no level declares
         for machine in world.machines.values():
             self._find_ranges(machine)
 
     def _find_ranges(self, machine: Machine) -> None:
         ranges = self.ranges[machine.name] = dict(_ranges_of(machine))
-        self.unchecked[machine.name] = _unchecked(machine, ranges)
+        unchecked = self.unchecked[machine.name] = _unchecked(machine, ranges)
+        names = dict.fromkeys(name for own in unchecked.values() for name in own)
+        self._others[machine.name] = [(n, Checked(n, *QUANTITIES[n].plain, "")) for n in names]
+        self._fixed[machine.name] = {}
 
     def _take_changes(self, machine: Machine) -> None:
         """Levels and parameters that came in since the last look."""
@@ -113,8 +118,15 @@ class Scene:
         """Of each slot and range of a machine what it meets now."""
         about = self.world.machines[machine]
         self._take_changes(about)
-        where = where_is(about, self.world.field, state)
+        where, fixed = where_is(about, self.world.field, state), self._fixed[machine]
         known: dict[str, float] = {}
+
+        def value(name: str) -> float:
+            held = fixed if name in FIXED else known
+            if name not in held:
+                held[name] = QUANTITIES[name].at(where)
+            return held[name]
+
         for slot, ranges in self.ranges[machine].items():
             part = self.parts[machine][slot]
             if about.parts.get(slot) is not part:
@@ -122,16 +134,12 @@ class Scene:
             met = part.meets() if isinstance(part, MeetsRange) else {}
             for checked in ranges:
                 name = checked.quantity
-                if name in QUANTITIES and name not in met:
-                    if name not in known:
-                        known[name] = QUANTITIES[name].at(where)
-                elif name not in met:
+                if name not in met and name not in QUANTITIES:
                     among = ", ".join((*QUANTITIES, *met))
                     raise InputError(f"{machine}.{slot}.checked", name, f"expected one of {among}")
-                yield f"{machine}.{slot}", checked, met[name] if name in met else known[name]
-        for name in dict.fromkeys(n for names in self.unchecked[machine].values() for n in names):
-            plain = Checked(name, *QUANTITIES[name].plain, "")
-            yield machine, plain, known[name] if name in known else QUANTITIES[name].at(where)
+                yield f"{machine}.{slot}", checked, met[name] if name in met else value(name)
+        for name, plain in self._others[machine]:
+            yield machine, plain, value(name)
 
 
 def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dict[str, list[str]]:
@@ -153,7 +161,7 @@ def _ranges_of(machine: Machine) -> Iterator[tuple[str, tuple[Checked, ...]]]:
             yield slot, found
 
 
-class Credibility:
+class Credibility(SeesAll):
     """Watches a run like an evaluator of the field that gives no metrics."""
 
     METRICS: tuple[Metric, ...] = ()
@@ -167,22 +175,28 @@ class Credibility:
         self._next_t = dict.fromkeys(scene.ranges, 0)
         self._seen: dict[tuple[str, str], Seen] = {}
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look where a machine has moved on."""
-        machine = slot.partition(".")[0]
-        if t < self._next_t.get(machine, t + 1):
+    @classmethod
+    def see_all(cls, parts: Sequence["Credibility"], slot: str, t: int, shown: ShownToAll) -> None:
+        """Look where machines have moved on."""
+        machine, driven = slot.partition(".")[0], shown.numbers(MachineState, "distance")
+        if driven is None:
             return
-        way = number_of(outputs, MachineState, "distance")
-        if way is not None:
-            self._next_t[machine] = t + REST
-            if way >= self._next_m[machine] and t > 0:
-                self._next_m[machine] = float(way) + EVERY_M
-                self._look(machine, samples_of(outputs, MachineState)[0])
-        self.rests_until = min(self._next_t.values())
+        for k, (watch, way) in enumerate(zip(parts, driven, strict=True)):
+            if t >= watch._next_t.get(machine, t + 1):
+                watch._next_t[machine] = t + REST
+                if way >= watch._next_m[machine] and t > 0:
+                    watch._next_m[machine] = float(way) + EVERY_M
+                    watch._look(machine, shown.of(k).samples(MachineState)[0])
+                watch.rests_until = min(watch._next_t.values())
+
+    see = SeesAll.see_live
 
     def _look(self, machine: str, state: MachineState) -> None:
         for slot, checked, values in self.scene.values(machine, state):
-            self._seen.setdefault((slot, checked.quantity), Seen()).add(values, checked)
+            seen = self._seen.get((slot, checked.quantity))
+            if seen is None:
+                seen = self._seen[slot, checked.quantity] = Seen()
+            seen.add(values, checked)
 
     def metrics(self) -> dict[str, float]:
         """None of its own."""

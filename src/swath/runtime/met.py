@@ -154,6 +154,11 @@ QUANTITIES: Mapping[str, Quantity] = {
                                  _param("header", "cutting_height_m"), ("lidar", "edge", "header", "process"),
                                  (0.05, 0.4)),
 }  # fmt: skip
+# those that hang on the field and on parameters alone, wherever the machine is
+FIXED = frozenset((
+    "wind_lean_deg", "weeds_per_m2", "friction", "cone_index_kpa", "roughness_gd_m3", "rain_mm_h",
+    "dust_per_m", "other_crop", "cutting_height_m",
+))  # fmt: skip
 
 
 def check_quantities(names: Sequence[str]) -> None:

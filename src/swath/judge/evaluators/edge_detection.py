@@ -9,15 +9,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.blocks import Block, Seen, Shown, samples_of
+from swath.core.blocks import Block, Seen, ShownToAll
 from swath.core.frames import Pose, wrap_angle
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.field.present_edge import SIDE_M, STEP_M, Holes, crop_across, edges_of
-from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, mean, rms
+from swath.core.together import plain
+from swath.field.present_edge import (
+    SIDE_M,
+    STEP_M,
+    Holes,
+    crop_along,
+    edges_of,
+    starts_across,
+    steps_between,
+)
+from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, SeesAll, mean, rms
 from swath.record.tracks import Column
-from swath.signals import F64, CropEdge, MachineState, Signal
+from swath.signals import F64, CropEdge, MachineState
 
 GROUP = "Edge detection"
 NEAR_M = 5.0  # an edge this near to the header end has to be detected
@@ -101,7 +110,7 @@ class _Row:
     distance: float
     edge: CropEdge
     crop: NDArray[np.uint8]
-    place: tuple[float, ...]  # as in `lines`
+    place: F64  # as in `lines`
 
 
 @saved_type("t", "rows")
@@ -129,12 +138,13 @@ class States:
         """Time [ns], -1 = none; pose as 12 numbers; distance."""
         return (int(self.t[-1]), self.rows[-1, :12], self.rows[-1, 12]) if len(self.t) else (-1, (), 0.0)
 
-    def at(self, t: int) -> tuple[Pose, float]:
-        """True pose and distance at t [ns]; position and angles are interpolated between samples."""
+    def at(self, t: int) -> tuple[Any, float]:
+        """True pose as 12 numbers and distance at t [ns]; position and angles are interpolated."""
         after = min(int(np.searchsorted(self.t, t)), len(self.t) - 1)
         if self.t[after] == t or after == 0:
-            return self._of(after)[1:]
-        return between_states(self._of(after - 1), self._of(after), t)
+            return self.rows[after, :12], float(self.rows[after, 12])
+        pose, distance = between_states(self._of(after - 1), self._of(after), t)
+        return plain(pose), distance
 
     def _of(self, k: int) -> tuple[int, Pose, float]:
         return int(self.t[k]), _pose_of(self.rows[k, :12]), float(self.rows[k, 12])
@@ -145,7 +155,7 @@ def _pose_of(numbers: F64) -> Pose:
     return Pose.of_numbers(values[:3], [values[i : i + 3] for i in (3, 6, 9)])
 
 
-class EdgeDetection(Later):
+class EdgeDetection(SeesAll, Later):
     """Detected against true edge, at the place ahead that the detector reports for.
 
     What stands there is looked up at the time of the sample, and judged later, many samples together.
@@ -174,9 +184,9 @@ class EdgeDetection(Later):
                "the edge error is; after settling", GROUP, "higher", "samples with both edges", "%", 1),
     )  # fmt: skip
 
-    def __init__(self, setup: EvaluatorSetup, across: Callable[..., NDArray[np.bool_]] | None = None) -> None:
+    def __init__(self, setup: EvaluatorSetup, along: Callable[..., NDArray[np.bool_]] | None = None) -> None:
         self.setup = setup
-        self._across = across  # None, which a save of the run can hold, is `crop_across`
+        self._along = along  # None, which a save of the run can hold, is `crop_along`
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
         self._reference, self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
         self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
@@ -195,32 +205,37 @@ class EdgeDetection(Later):
         if len(self._rows) >= CHUNK:
             self._judge_rows()
 
-    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look up what stands where an edge is reported, once the truth has reached its time."""
-        self._waiting += samples_of(outputs, CropEdge)
-        if self._waiting:
-            now = outputs.waiting(MachineState, self.setup.name) if isinstance(outputs, Shown) else None
-            self.look(now)
-        self.rests_until = 0 if self._waiting else NEVER
+    @classmethod
+    def see_all(cls, parts: Sequence["EdgeDetection"], slot: str, t: int, shown: ShownToAll) -> None:
+        """Look up what stands where edges are reported, once the truth has reached their times."""
+        pile, worlds = shown.newest(MachineState, parts[0].setup.name), shown.worlds
+        now: Any = [judge._states.newest for judge in parts]
+        if pile is not None:
+            now = zip(*(pile.last(name, worlds) for name in ("t", "pose", "distance")), strict=True)
+        found: list[tuple[EdgeDetection, CropEdge, Any, float]] = []
+        for k, (judge, newest) in enumerate(zip(parts, now, strict=True)):
+            outputs = shown.of(k)
+            judge._waiting += outputs.samples(CropEdge)
+            while judge._waiting and judge._waiting[0].t <= newest[0]:
+                edge, place = judge._waiting.pop(0), newest[1:]
+                if edge.t < newest[0]:
+                    states = judge._states.with_block(outputs.waiting(MachineState, judge.setup.name))
+                    place = states.at(edge.t)
+                found.append((judge, edge, *place))
+            judge.rests_until = 0 if judge._waiting else NEVER
+        if found:
+            _look(found)
 
-    def look(self, now: Block | None = None) -> None:
-        """What stands where edges were reported up to the time of the newest state. now: not yet taken in."""
-        newest = self._states.newest
-        if now is not None:
-            newest = int(now.last("t")), now.last("pose"), now.last("distance")
-        while self._waiting and self._waiting[0].t <= newest[0]:
-            edge = self._waiting.pop(0)
-            if edge.t == newest[0]:
-                self._look(edge, _pose_of(newest[1]), float(newest[2]))
-            else:
-                self._look(edge, *self._states.with_block(now).at(edge.t))
+    def look(self) -> None:
+        """Look up what stands where edges were reported up to the time of the newest state."""
+        self.see_live("", 0, {})
 
-    def beside(self, across: Callable[..., NDArray[np.bool_]], states: "States") -> "EdgeDetection":
+    def beside(self, along: Callable[..., NDArray[np.bool_]], states: "States") -> "EdgeDetection":
         """A judge of another detector in the same run. states: that others note for it.
 
-        Show it edges alone, and let it `look` after each state. across: in place of `crop_across`
+        Show it edges alone, and let it `look` after each state. along: in place of `crop_along`
         """
-        other = EdgeDetection(self.setup, across)
+        other = EdgeDetection(self.setup, along)
         other._states = states
         return other
 
@@ -278,15 +293,6 @@ class EdgeDetection(Later):
         index = np.minimum(np.searchsorted(series.t, asked), len(series.t) - 1)
         return np.where(series.t[index] == asked, getattr(series, name)[index], np.nan)
 
-    def _look(self, edge: CropEdge, pose: Pose, distance: float) -> None:
-        if isfinite(edge.reference_x):  # where none is reported, the last one counts, at first the knife
-            self._reference = edge.reference_x
-        end = 2.0 * self._end_y - self._begin
-        crop = (self._across or crop_across)(self.setup.field, pose, self._reference, self._begin, end)
-        (px, py, _), ((ax, bx, _), (ay, by, _), _) = pose.numbers
-        place = _place((px, ax, bx), (py, ay, by), (self._reference, self._knife_x), self._end_y)
-        self._rows.append(_Row(edge.t, distance, edge, np.packbits(crop), place))
-
     def _judge_rows(self) -> None:
         if self._rows:
             judged = self._judge(self._rows)
@@ -338,13 +344,29 @@ def between_states(
     return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
 
 
-def _place(x: tuple[Any, ...], y: tuple[Any, ...], ahead: tuple[Any, Any], left: Any) -> tuple[Any, ...]:
-    """Points of a machine in the world, and its y axis there, as in `EdgeDetection.lines`.
-
-    x, y: of the world, each with its rate along the machine's x and y axis; ahead, left: in the machine
-    """
-    ends = [v + a * at + b * left for at in ahead for v, a, b in (x, y)]
-    return *ends, x[2], y[2]
+def _look(found: Sequence[tuple[EdgeDetection, CropEdge, Any, float]]) -> None:
+    """Note what stands where edges are reported: of each the judge, pose as 12 numbers and distance."""
+    for judge, edge, _, _ in found:
+        if isfinite(edge.reference_x):  # where none is reported, the last one counts, at first the knife
+            judge._reference = edge.reference_x
+    judges, poses = [judge for judge, *_ in found], np.array([pose for _, _, pose, _ in found])
+    at = np.array([[j._reference, j._knife_x, j._begin, j._end_y] for j in judges])
+    reference, knife, begin, end = at.T
+    last = 2.0 * end - begin
+    count = steps_between(float(begin[0]), float(last[0]))
+    lines = zip(
+        judges,
+        poses.tolist(),
+        starts_across(poses, reference, begin).tolist(),
+        ((last - begin) / count).tolist(),
+        strict=True,
+    )
+    crop = [(j._along or crop_along)(j.setup.field, pose, [s], w, count)[0] for j, pose, s, w in lines]
+    (px, py), (ax, bx, _, ay, by) = poses[:, :2].T, poses[:, 3:8].T
+    ends = [v + a * x + b * end for x in (reference, knife) for v, a, b in ((px, ax, bx), (py, ay, by))]
+    places = np.stack([*ends, bx, by], axis=1)
+    for (judge, edge, _, distance), bits, place in zip(found, np.packbits(crop, axis=1), places, strict=True):
+        judge._rows.append(_Row(edge.t, float(distance), edge, bits, place))
 
 
 def _nearest(places: Sequence[float], to: float) -> float:

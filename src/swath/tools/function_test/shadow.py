@@ -4,16 +4,15 @@ Open loop: where a detector would have steered the machine is not asked. What it
 that of the detector at the wheel; a shadow of that one says the same to the last bit.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from swath.core.blocks import Seen
 from swath.core.errors import InputError
-from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
 from swath.core.signal import Signal
 from swath.documents.json_file import json_safe
-from swath.field.present_edge import Bits, Standing, crop_across
+from swath.field.present_edge import Bits, Place, Standing, crop_along
 from swath.judge.evaluators.edge_detection import EdgeDetection, States
 from swath.record.digest import Digest
 from swath.runtime.assembly import make_part, outside_of
@@ -29,7 +28,7 @@ SUMMARY = "shadow"
 
 
 class SharedLooks:
-    """`crop_across` for the judges of all shadows: what stands on a line is looked up once for all."""
+    """`crop_along` for the judges of all shadows: what stands on a line is looked up once for all."""
 
     def __init__(self) -> None:
         self._found: dict[Any, Bits] = {}
@@ -38,11 +37,11 @@ class SharedLooks:
         """Something went on: the crop may be another."""
         self._found.clear()
 
-    def __call__(self, field: Standing, pose: Pose, x: float, begin: float, end: float) -> Bits:
-        """As `crop_across`."""
-        key = pose.position.tobytes(), pose.rotation.tobytes(), x, begin, end
+    def __call__(self, field: Standing, pose: Sequence[float], starts: Sequence[Place], *more: Any) -> Bits:
+        """As `crop_along`."""
+        key = *pose, *starts[0], *more
         if key not in self._found:
-            self._found[key] = crop_across(field, pose, x, begin, end)
+            self._found[key] = crop_along(field, pose, starts, *more)
         return self._found[key]
 
 

@@ -1,0 +1,85 @@
+"""Who is shown what slots send at its time: in all worlds at once those of one class."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import attrgetter, is_
+from typing import Any
+
+from swath.core.abilities import EndsRun
+from swath.core.blocks import Blocks, Looker, LooksOn, Shown, ShownToAll, TakesBlocks
+from swath.core.signal import Signal
+from swath.core.together import Sent
+
+Kinds = tuple[type[Signal], ...]
+_rest = attrgetter("rests_until")
+
+
+class Audience:
+    """Those of one class, each in its world, that are shown what a slot sends; all of them rest, or none.
+
+    A class with `see_all(parts, slot, t, ShownToAll)` is shown samples of all its worlds at once.
+    """
+
+    def __init__(self, worlds: Sequence[int], lookers: Sequence[Looker]) -> None:
+        self._worlds, self._lookers = worlds, lookers
+        self._parts = [looker.part for looker in lookers]
+        self._rests = lookers[0].rests
+        self._see_all = getattr(type(self._parts[0]), "see_all", None)
+
+    def sleeps(self) -> int:
+        """Until when [ns] none of them has to be shown anything."""
+        return min(map(_rest, self._parts)) if self._rests else 0
+
+    def show(self, slot: str, t: int, sent: Mapping[str, Sent], blocks: Blocks) -> None:
+        """Show what a slot sent at t [ns] to those that do not rest."""
+        awake: Sequence[int] = range(len(self._parts))
+        if self._rests:
+            awake = [k for k, part in enumerate(self._parts) if t >= part.rests_until]
+        if self._see_all is None:
+            for k in awake:
+                self._lookers[k].see(slot, t, Shown(sent, self._worlds[k], blocks))
+        elif awake:
+            shown = ShownToAll(sent, [self._worlds[k] for k in awake], blocks)
+            self._see_all([self._parts[k] for k in awake], slot, t, shown)
+
+
+class Onlookers:
+    """The observers of a world: those that look now and then (`takers`), and those that may end it."""
+
+    def __init__(self, observers: Sequence[Any], watches: Mapping[str, Callable[..., None]]) -> None:
+        self._watches, self._known = watches, [*observers]
+        self.takers = [o for o in observers if isinstance(o, TakesBlocks) and o.is_late]
+        self.enders = [o for o in observers if isinstance(o, EndsRun)]
+        self._late = {*map(id, self.takers)}
+
+    def is_same(self, observers: Sequence[Any], watches: Mapping[str, Callable[..., None]]) -> bool:
+        """Whether nobody came or went since."""
+        known = self._known
+        return self._watches is watches and len(observers) == len(known) and all(map(is_, observers, known))
+
+    def lookers(self, slot: str, kinds: Kinds) -> Iterator[tuple[int, Looker]]:
+        """Who is shown samples of these types that a slot sends, and the place among all in which order."""
+        if (watch := self._watches.get(slot)) is not None:
+            yield -1, Looker(watch, watch)
+        for place, observer in enumerate(self._known):
+            if id(observer) not in self._late:
+                yield place, Looker(observer, _as_it_is(observer))
+            elif isinstance(observer, LooksOn):
+                for looker in observer.lookers(slot, kinds):
+                    yield place, looker
+
+
+def _as_it_is(observer: Callable[..., None]) -> Callable[[str, int, Shown], None]:
+    """What shows samples that an observer may keep."""
+    return lambda slot, t, outputs: observer(slot, t, dict(outputs))
+
+
+def audiences(of_worlds: Mapping[int, Onlookers], slot: str, kinds: Kinds) -> list[Audience]:
+    """Who in some worlds is shown samples of these types from a slot, in order."""
+    found: dict[tuple[Any, ...], tuple[list[int], list[Looker]]] = {}
+    for world, onlookers in of_worlds.items():
+        for number, (place, looker) in enumerate(onlookers.lookers(slot, kinds)):
+            key = place, number, type(looker.part), looker.rests
+            worlds, lookers = found.setdefault(key, ([], []))
+            worlds.append(world)
+            lookers.append(looker)
+    return [Audience(*found[key]) for key in sorted(found, key=lambda key: key[:2])]
