@@ -249,8 +249,8 @@ def isobus() -> None:
     from tests.link.can_rig import own_bus
     from tests.link.test_isobus import Controller
 
+    from swath.documents.j1939 import dbc_file
     from swath.link.can.bus import open_bus
-    from swath.link.can.codec import dbc_file
     from swath.link.can.isobus import IsobusMachine
     from swath.runtime.assembly import assemble
     from swath.runtime.loop import drive

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
-from swath.link.can import guidance, j1939
+from swath.documents import j1939
+from swath.link.can import guidance
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, open_bus
 from swath.link.can.codec import Codec

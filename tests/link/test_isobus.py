@@ -13,8 +13,8 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.schedule import NS
+from swath.documents.j1939 import dbc_file
 from swath.link.can.bus import open_bus
-from swath.link.can.codec import dbc_file
 from swath.link.can.isobus import ADDRESS, DATA, IsobusMachine
 from swath.link.can.task_client import Datum, TaskClient, object_pool
 from swath.runtime.assembly import assemble

@@ -52,12 +52,15 @@ from swath.tools.paper import command as paper
 from swath.tools.part import command as part
 from swath.tools.reda import command as reda
 from swath.tools.rerun import command as rerun
+from swath.tools.run_log import command as run_log
 from swath.tools.scan import command as scan
 from swath.tools.yield_log import command as yield_log
 
 COMMANDS = {
     "start": (run, paper, scenarios, levels, metrics, sheets, new, scan, docs),
-    "look at a run, continue it, use its recording": (view, report, diff, branch, rerun, part, yield_log),
+    "look at a run, continue it, use its recording": (
+        *(view, report, diff, branch, rerun, part, yield_log, run_log),
+    ),
     "use measured data": (field, height_map, calibrate, compare, lab),
     "many runs, whole fields": (function_test, odd, fleet, reda, dataset),
     "connect and set up": (ros2, fmu, can, osi, schema, completion),

@@ -35,11 +35,11 @@ UNITS: dict[str, dict[str, float]] = {
     "yield": {**factors("mass per area"), "bu/ac": WHEAT_LB_PER_BUSHEL * POUND / ACRE},
     "share": {"%": 0.01, "1": 1.0},
     "number": {"1": 1.0},
-    "curvature": {"1/m": 1.0, "1/km": 1e-3},
+    "curvature": {"1/m": 1.0, "1/km": 1e-3, "1/km right": -1e-3},
     "text": {"text": 1.0},
 }
 """Factor from each unit to the one used inside: m, m/s, s, deg, kg/s, kg/m2, share, rad/s, m3/s. ddmm:
-degrees and minutes in one number, see coordinates.py; deg W, deg S: > 0 west, south.
+degrees and minutes in one number, see coordinates.py; deg W, deg S: > 0 west, south; right: > 0 right.
 """
 
 QUANTITIES: dict[str, str] = {
@@ -232,11 +232,13 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
     "speed": ("m/s", (
         "v speed velocity groundspeed vehiclespeed vehiclspeed geschwindigkeit fahrgeschwindigkeit vitesse"
         " vitesseavancement",
+        "groundbasedspeed groundbasedmachinespeed navigationbasedvehiclespeed",
+        "wheelbasedspeed wheelbasedmachinespeed wheelbasedvehiclespeed",
     )),
     "distance": ("m", ("dist distance strecke wegstrecke fahrstrecke",)),
     "course": ("deg", (
         "course heading headingdeg coursedeg trackdeg trackangle trackdegrees courseoverground cog azimuth"
-        " bearing gpscourse gpsheading kurs fahrtrichtung cap",
+        " bearing compassbearing gpscourse gpsheading kurs fahrtrichtung cap",
     )),
     "header_width": ("m", (
         "swath swathwidth swathwdth swthwidth swthwdth headerwidth cutwidth cuttingwidth workwidth"
@@ -269,9 +271,10 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
     )),
     "crop_height": ("m", ("cropheight canopyheight plantheight bestandeshoehe",)),
     "engine_load": ("%", ("engineload enginetorque percentload percenttorque enginepercentload"
-                          " enginepercenttorque",)),
-    "engine_speed": ("rpm", ("enginespeed enginerpm",)),
-    "fuel": ("l/h", ("fuel fuelrate fuelflow fuelconsumption",)),
+                          " enginepercenttorque enginepercentloadatcurrentspeed engpercentloadatcurrentspeed",
+                          "actualenginepercenttorque actualengpercenttorque")),
+    "engine_speed": ("rpm", ("enginespeed enginerpm engspeed",)),
+    "fuel": ("l/h", ("fuel fuelrate fuelflow fuelconsumption enginefuelrate engfuelrate",)),
     "steer_command": ("deg", (
         "steercommand steeringcommand steercmd steeringcmd steersetpoint steeringsetpoint steertarget"
         " steeringtarget steerwanted steeringwanted steeranglecommand steeringanglecommand steeranglecmd"
@@ -542,7 +545,8 @@ def unit_symbol(text: str) -> str:
     unit = re.sub(r"^(\w+)1\[?(\w+)\]?-1$", r"\1/\2", text.strip().lower().replace("lbs", "lb"))
     unit = unit.replace("/hr", "/h").replace("/sec", "/s").replace("/acre", "/ac").replace("to/ha", "t/ha")
     known = {"°": "deg", "arcdeg": "deg", "percent": "%", "prcnt": "%", "kph": "km/h", "kmh": "km/h",
-             "q/ha": "dt/ha", "tonne/ha": "t/ha", "tonnes/ha": "t/ha", "mg/ha": "t/ha", "mi/h": "mph",
+             "1/min": "rpm", "°/s": "deg/s", "q/ha": "dt/ha",
+             "tonne/ha": "t/ha", "tonnes/ha": "t/ha", "mg/ha": "t/ha", "mi/h": "mph",
              "meter": "m", "feet": "ft", "inch": "in", "sec": "s"}  # fmt: skip
     return known.get(unit, unit)
 

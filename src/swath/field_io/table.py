@@ -1,4 +1,4 @@
-"""A file of records as columns of text or numbers: CSV (plain or gzip), point shapefile, ISOXML."""
+"""A file of records as columns: CSV (plain or gzip), point shapefile, ISOXML, MF4, BLF, ASC."""
 
 import codecs
 import csv
@@ -7,7 +7,7 @@ import io
 import math
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, compress, islice
@@ -21,7 +21,8 @@ from swath.core.errors import InputError
 from swath.core.read_file import open_to_read
 from swath.core.registry import installed, installed_part
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
-from swath.field_io.columns import AG_LEADER, AG_LEADER_2000, unit_symbol
+from swath.field_io.channels import Channels, open_channels
+from swath.field_io.columns import AG_LEADER, AG_LEADER_2000, guess, unit_symbol
 from swath.field_io.isoxml import is_taskdata, read_taskdata
 from swath.field_io.shapefiles import has_shapefile, read_points
 from swath.field_io.trade import sheet_of
@@ -31,6 +32,7 @@ LONGEST_ROW = 1 << 16  # characters
 LONGEST_BLANK = 1 << 22  # characters between two rows: sheets are exported with blank ones at their end
 MOST_COLUMNS = 1000
 ROWS_AT_ONCE = 8192
+SHORTEST, OLDEST = 50_000_000, 2_000_000_000  # ns: of channels between two rows, and how long a value holds
 SHAPES = b"\x00\x00\x27\x0a"  # of a .shp
 LEAST_HEIGHT, FEWEST_HEIGHTS = (
     25.0,
@@ -114,6 +116,8 @@ def read_table(path: Path) -> Table:
             raise InputError("log", str(path), f"expected a Table of the reader of package {package}")
         return replace(table, notes=(*table.notes, f"read by the installed package {package}"))
     with readable("log", "a readable file", path):
+        if (channels := open_channels(path)) is not None:
+            return _read_channels(channels)
         if is_taskdata(path):
             return _read_isoxml(path)
         head = _head(path)
@@ -128,6 +132,66 @@ def read_table(path: Path) -> Table:
             encoding = "utf-16" if start.startswith(UTF_16) else "utf-8-sig"
             with io.TextIOWrapper(stream, encoding, OR_CP1252, newline="") as text:
                 return _read_csv(start, _Lines(text, path, min(packed, LARGEST_BYTES)), path)
+
+
+class Held:
+    """The values of a channel at the rows of a table: at each the last one, nan where it is old.
+
+    read: fills in the values of some channels in one pass, and keeps them
+    """
+
+    def __init__(self, name: str, read: Callable[[str], Array]) -> None:
+        self._name, self._read = name, read
+
+    def numbers(self) -> Array:
+        """One number per row."""
+        return self._read(self._name)
+
+    def __iter__(self) -> Iterator[str]:
+        return (f"{value:g}" for value in self.numbers())
+
+
+def _read_channels(log: Channels) -> Table:
+    """A row at each sample of the position, else of the speed, else of the first channel that is known."""
+    names = {f"{name} [{unit}]" if unit else name: name for name, unit in log.units.items()}
+    known = {key: names[c.column] for key, c in guess([*names], log.path).columns.items()}
+    leader = next((known[key] for key in ("lat", "easting", "speed") if key in known), None)
+    leader = leader or next(iter(known.values()), next(iter(log.units), ""))
+    if not leader:
+        raise InputError("log", None, "expected channels of numbers", file=log.path)
+    rows = np.unique(np.concatenate([_thinned(t) for _, t, _ in log.blocks([leader])]))
+    kept: dict[str, Array] = {}
+
+    def read(name: str) -> Array:
+        if name not in kept:
+            wanted = {name, *(known.values() if not kept else ())}
+            kept.update({channel: np.full(len(rows), np.nan) for channel in wanted})
+            for channel, t, values in log.blocks(wanted):
+                _hold(kept[channel], rows, t, values)
+        return kept[name]
+
+    columns: dict[str, Any] = {shown: Held(name, read) for shown, name in names.items()}
+    if "time" not in known:
+        columns = {"time [s]": rows / 1e9, **columns}
+    for needed in known.values():
+        read(needed)
+    notes = (f"a row at each sample of {leader}", *(f"{n} ({count})" for n, count in log.notes.items()))
+    return Table(columns, np.arange(1, len(rows) + 1), None, "", {}, notes)
+
+
+def _thinned(t: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first of the times [ns] in each interval of SHORTEST."""
+    return t[np.unique(t // SHORTEST, return_index=True)[1]]
+
+
+def _hold(column: Array, rows: NDArray[np.int64], t: NDArray[np.int64], values: Array) -> None:
+    """Put values at times [ns] into the rows from each on until the next, at most OLDEST long, in place."""
+    order = np.argsort(t, kind="stable")
+    t, values = t[order], values[order]
+    begin, end = np.searchsorted(rows, [t[0], t[-1] + OLDEST]) if len(t) else (0, 0)
+    last = np.searchsorted(t, rows[begin:end], side="right") - 1
+    is_near = rows[begin:end] - t[last] <= OLDEST
+    column[begin:end][is_near] = values[last][is_near]
 
 
 def _read_isoxml(path: Path) -> Table:
@@ -301,7 +365,7 @@ def _read_shapefile(path: Path) -> Table:
 
 def to_numbers(values: Iterable[Any]) -> Array:
     """Numbers of cells, nan where a cell is none. Dates and truth values are not numbers."""
-    if isinstance(values, Cells):
+    if isinstance(values, Cells | Held):
         return values.numbers()
     values = list(values)
     try:

@@ -13,9 +13,10 @@ from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.documents import j1939
 from swath.documents.validation import known_keys, unknown_key, validate
 from swath.documents.yaml_document import Document
-from swath.link.can import guidance, j1939
+from swath.link.can import guidance
 from swath.link.can.bus import CLAIM, Message, Node
 from swath.link.can.codec import Values
 from swath.scenario.slots import REGISTRY

@@ -11,7 +11,7 @@ from typing import Any
 
 from swath.core.errors import InputError, MissingExtra, SwathError
 from swath.core.foreign_code import need_named
-from swath.link.can import j1939
+from swath.documents import j1939
 from swath.link.can.codec import Codec, Values
 
 Option = str | int | float | bool

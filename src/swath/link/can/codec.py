@@ -1,22 +1,13 @@
 """Numbers to frames and back, by the message descriptions in `data/can/guidance.dbc`."""
 
 from collections.abc import Mapping
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from swath.core.errors import Extra
-from swath.link.can.j1939 import parse
+from swath.documents.j1939 import dbc_file, parse, value_of
 
 Values = dict[str, float | None]
-# From these raw values on there is no number (SAE J1939-71, table of ranges): errors, then not available.
-FIRST_INVALID = {8: 0xFB, 16: 0xFB00, 32: 0xFB000000}
 LAST = {8: 0xFA, 16: 0xFAFF, 32: 0xFAFFFFFF}
-
-
-def dbc_file() -> Path:
-    """Where the message descriptions are."""
-    return Path(str(files("swath.data") / "can" / "guidance.dbc"))
 
 
 class Codec:
@@ -50,7 +41,7 @@ class Codec:
             return None
         message = self._messages[name]
         raw = message.decode(data, decode_choices=False, scaling=False)
-        return name, {s.name: _value(s, int(raw[s.name])) for s in message.signals}
+        return name, {s.name: value_of(s, int(raw[s.name])) for s in message.signals}
 
 
 def _raw(signal: Any, value: float | None) -> int:
@@ -58,9 +49,3 @@ def _raw(signal: Any, value: float | None) -> int:
         return int(2**signal.length - 1)
     top = LAST.get(signal.length, 2**signal.length - 1)
     return int(min(max(round((value - signal.offset) / signal.scale), 0), top))
-
-
-def _value(signal: Any, raw: int) -> float | None:
-    if raw >= FIRST_INVALID.get(signal.length, 2**signal.length):
-        return None
-    return float(raw * signal.scale + signal.offset)

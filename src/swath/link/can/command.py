@@ -37,8 +37,9 @@ def run_box(args: argparse.Namespace) -> int:
     mounting of the sensor.
     """
     from swath.core.errors import InputError
+    from swath.documents import j1939
     from swath.documents.validation import adapter_of
-    from swath.link.can import box, j1939
+    from swath.link.can import box
     from swath.link.can.bus import Node
     from swath.link.can.steering import Params
     from swath.machine.machine_sheet import load_machine
@@ -72,7 +73,7 @@ def run_listen(args: argparse.Namespace) -> int:
     """Print every frame: time, source, destination, name or PGN, values."""
     import time
 
-    from swath.link.can import j1939
+    from swath.documents import j1939
     from swath.link.can.bus import open_bus
     from swath.link.can.codec import Codec
     from swath.link.can.steering import Params
@@ -98,7 +99,7 @@ def run_listen(args: argparse.Namespace) -> int:
 
 def run_dbc(args: argparse.Namespace) -> int:
     """Print the path."""
-    from swath.link.can.codec import dbc_file
+    from swath.documents.j1939 import dbc_file
 
     print(dbc_file())
     return 0

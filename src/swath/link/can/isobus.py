@@ -12,7 +12,8 @@ from typing import Any
 
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
-from swath.link.can import guidance, j1939
+from swath.documents import j1939
+from swath.link.can import guidance
 from swath.link.can.bus import Node, Where
 from swath.link.can.codec import Values
 from swath.link.can.task_client import PROCESS_DATA, TP_CONTROL, TP_DATA, Datum, TaskClient

@@ -21,7 +21,8 @@ from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.link.can import guidance, j1939
+from swath.documents import j1939
+from swath.link.can import guidance
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, check_bus
 from swath.scenario.slots import kind_of

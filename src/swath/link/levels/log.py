@@ -9,7 +9,7 @@ In which frame samples of somebody else's recording are is checked by what they 
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import groupby, islice
 from math import cos, hypot, isfinite, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -29,6 +29,7 @@ from swath.core.witness import Pair, judge
 from swath.record import positioning_messages as positioning
 from swath.record.message_factory import OPTICAL_FRAME
 from swath.record.read import feed as feeds
+from swath.record.read.channel_log import KIND as CHANNEL
 from swath.record.read.feed import Demux, Feed, Record, Timed
 from swath.record.read.fields import Context, number_at
 from swath.record.read.files import Log, open_log
@@ -222,13 +223,14 @@ class GeoOrigin:
 
 @dataclass(frozen=True)
 class Params:
-    """file: .mcap, .bag or .db3; folder: a run folder or the folder of a rosbag 2; one of the two.
+    """file: .mcap, .bag, .db3, .mf4, .blf or .asc; folder: of a run or of a rosbag 2; one of the two.
 
     slot: machine.slot that was recorded, where it is called otherwise than here (our own recordings)
     topics: output: topic, or output.number: topic:path.in.message (other recordings)
     constants: output.number: value, for numbers that no topic has
     values: the same, its older name
-    scale: output.number: factor, where a message has other units than SI and radians
+    scale: output.number: factor, where a message has other units than SI and radians, after the known unit of
+        a channel
     start_s: where in the recording the run starts, from its first message
     clock: a sample comes out when its message was received, or at its stamp
     between: two samples the older one is held, or plain numbers are interpolated
@@ -336,6 +338,7 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
             fitting = sorted(types, key=lambda t: not _can_be(signal, types[t], context))
             raise InputError("topics", topic, f"expected one of {', '.join(fitting) or 'none'}")
         if number:
+            _check_unit(key, topic, types[topic], flat_fields(ports[name].signal)[number].unit, params)
             numbers.setdefault(name, {})[number] = (topic, path or "data")
         else:
             signal = ports[name].signal
@@ -362,6 +365,15 @@ def _mapped(params: Params, setup: LinkSetup, types: Mapping[str, str]) -> list[
         for n, given in numbers.items()
     }
     return [made[name] for name in ports if name in made]
+
+
+def _check_unit(key: str, topic: str, kind: str, unit: str, params: Params) -> None:
+    """InputError where a channel measures something else, or neither it nor `scale` says what."""
+    said = kind.removeprefix(CHANNEL)
+    if said == kind or key in params.scale or (said or "1") == (unit or "1"):
+        return
+    expected = f"expected a channel in {unit or '1'}, or what is turned into it by `scale: {{{key}: FACTOR}}`"
+    raise InputError("topics", f"{topic} in {said or 'no unit'}", expected, file=params.file)
 
 
 def _can_be(signal: type[Signal], msgtype: str, context: Context) -> bool:
@@ -671,12 +683,13 @@ class LogPlayer:
                 self._context.note(f"{note} plays them")
 
     def _from_numbers(self, source: Source, records: Iterator[Record], context: Context) -> Iterator[Timed]:
-        """A sample whenever one of its numbers came, once all have."""
+        """A sample whenever some of its numbers came, once all have."""
         name = source.port.name
         known: dict[str, Any] = numbers_of(name, self.params.fixed)
-        for topic, t, message in records:
-            for number, (where, path) in source.numbers.items():
-                if where == topic:
+        for t, records_of_t in groupby(records, key=lambda record: record[1]):
+            for topic, _, message in records_of_t:
+                for number in [n for n, (where, _) in source.numbers.items() if where == topic]:
+                    path = source.numbers[number][1]
                     try:
                         value = number_at(message, path)
                     except (AttributeError, TypeError, ValueError):
@@ -749,7 +762,7 @@ def _scaled(samples: Iterator[Timed], factors: Mapping[str, float]) -> Iterator[
 LEVEL = Level(
     LogPlayer,
     Params,
-    "what was recorded: run.mcap, MCAP, rosbag 1 and 2",
+    "what was recorded: run.mcap, MCAP, rosbag 1 and 2, MF4, BLF, ASC",
     cost="30 us per sample, 0.1 ms per scan",
     tolerance="from run.mcap bit for bit; from other messages as exact as these",
     is_link=True,

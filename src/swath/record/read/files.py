@@ -1,7 +1,7 @@
 """Recordings as topics and messages, whatever their container.
 
 `McapLog` reads an MCAP file, `PartsLog` those of a rosbag 2 one after the other, `BagLog` a rosbag 2 in a
-database, or packed, with its index.
+database, or packed, with its index, `ChannelLog` MF4, BLF and ASC.
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -13,14 +13,16 @@ from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.documents.packed import most_unpacked
 from swath.documents.yaml_document import read_document
+from swath.field_io.channels import open_channels
 from swath.record.formats import ABOUT, RECORDING, check_format, read_about
+from swath.record.read.channel_log import ChannelLog
 from swath.record.read.definitions import Definitions
 from swath.record.read.mcap_log import BROKEN, CUT_OFF, MAGIC, McapLog, unpacked_message
 from swath.record.read.rosbag1 import MAGIC as MAGIC_1
 from swath.record.read.rosbag1 import open_rosbag1
 
 RUN = "run.mcap"  # of swath, in the order in which it was published
-KINDS = "expected a run folder, an .mcap, a .bag, a .db3 or the folder of a rosbag 2"
+KINDS = "expected a run folder, an .mcap, .bag, .db3, .mf4, .blf, .asc or the folder of a rosbag 2"
 
 
 class PartsLog:
@@ -194,7 +196,7 @@ def _bounded(reader: Any, path: Path) -> bool:
     return is_packed
 
 
-Log = McapLog | PartsLog | BagLog
+Log = McapLog | PartsLog | BagLog | ChannelLog
 
 
 def open_log(path: Path) -> Log:
@@ -214,6 +216,8 @@ def _open(path: Path) -> Log:
         return _open_folder(path)
     if path.suffix == ".mcap" or _begins(path, MAGIC):
         return McapLog(path, by_time=path.name != RUN)
+    if (channels := open_channels(path)) is not None:
+        return ChannelLog(channels)
     return open_rosbag1(path) if path.suffix == ".bag" or _begins(path, MAGIC_1) else BagLog(path)
 
 

@@ -6,6 +6,9 @@ stands in the low byte of those 18 bits and is no part of the PGN.
 """
 
 from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
 
 GLOBAL = 255  # destination: everybody
 REQUEST = 0xEA00  # ask for a parameter group, 3 bytes: its PGN
@@ -56,3 +59,19 @@ def device_class(name_bytes: bytes) -> int:
 
 def _is_addressed(pgn: int) -> bool:
     return pgn >> 8 & 0xFF < 240
+
+
+# From these raw values on there is no number (SAE J1939-71, table of ranges): errors, then not available.
+FIRST_INVALID = {8: 0xFB, 16: 0xFB00, 32: 0xFB000000}
+
+
+def dbc_file() -> Path:
+    """Where the descriptions of the messages of a harvest machine on ISO 11783 are."""
+    return Path(str(files("swath.data") / "can" / "guidance.dbc"))
+
+
+def value_of(signal: Any, raw: float) -> float | None:
+    """The number of a signal of cantools, None where its raw value says that there is none."""
+    if raw >= FIRST_INVALID.get(signal.length, 2**signal.length):
+        return None
+    return float(raw * signal.scale + signal.offset)

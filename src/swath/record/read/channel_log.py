@@ -1,0 +1,90 @@
+"""MF4, BLF and ASC as a recording: each channel is a topic of plain numbers in SI units.
+
+Latitude and longitude, where the log has them, are also the topic POSITION of NavSatFix.
+"""
+
+from collections.abc import Collection, Iterator
+from math import nan
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from swath.core.units import DEG
+from swath.field_io.channels import Channels, si_unit
+from swath.field_io.columns import guess
+
+KIND = "channel "  # before the unit of a channel, as the type of its topic
+POSITION, POSITION_TYPE = "position", "sensor_msgs/msg/NavSatFix"
+
+
+class ChannelLog:
+    """Reads a measurement as a recording; notes as of McapLog."""
+
+    def __init__(self, channels: Channels) -> None:
+        self.path: Path = channels.path
+        self._channels = channels
+        self._factors: dict[str, float] = {}
+        self._topics: dict[str, str] = {}
+        for name, unit in channels.units.items():
+            symbol, self._factors[name] = si_unit(unit) or (unit, 1.0)
+            self._topics[name] = f"{KIND}{symbol}"
+        shown = {f"{name} [{unit}]" if unit else name: name for name, unit in channels.units.items()}
+        known = {key: shown[c.column] for key, c in guess([*shown], self.path).columns.items()}
+        places = {known[k]: k for k in ("lat", "lon", "elevation") if k in known}
+        angles = [name for name in places if self._topics[name] == f"{KIND}rad"]
+        self._place = places if len(angles) == 2 and POSITION not in self._topics else {}
+        if self._place:
+            self._topics[POSITION] = POSITION_TYPE
+
+    @property
+    def notes(self) -> dict[str, int]:
+        """What was assumed or could not be read, with how often."""
+        return self._channels.notes
+
+    def forget_notes(self) -> None:
+        """What is noted on opening stays."""
+
+    def topics(self) -> dict[str, str]:
+        """Topic -> type: `channel` and its unit."""
+        return dict(self._topics)
+
+    def begin(self) -> int:
+        """Time of the first sample [ns]."""
+        return self._channels.begin
+
+    def end(self) -> int:
+        """Time of the last sample [ns]."""
+        return self._channels.end
+
+    def messages(self, wanted: Collection[str], also_first: str = "") -> Iterator[tuple[str, int, Any]]:
+        """(topic, time [ns], message) of some topics, and the first one of another, in the order of time."""
+        rest = {also_first} - {""}
+        place = self._place if POSITION in {*wanted, *rest} else {}
+        asked = ({*wanted} | rest | place.keys()) & self._channels.units.keys()
+        at: dict[str, float] = {}
+        for t, name, value in self._channels.samples(asked) if asked else ():
+            value *= self._factors[name]
+            if name in place:
+                at[place[name]] = value
+            found: list[tuple[str, Any]] = [(name, SimpleNamespace(data=value))]
+            if {"lat", "lon"} <= at.keys():
+                found.append((POSITION, _fix(at)))
+                at = {k: v for k, v in at.items() if k == "elevation"}
+            for topic, message in found:
+                if topic in wanted or topic in rest:
+                    rest.discard(topic)
+                    yield topic, t, message
+            if not wanted and not rest:
+                return
+
+    def attachment(self, name: str) -> bytes | None:
+        """A measurement has none."""
+        return None
+
+
+def _fix(at: dict[str, float]) -> SimpleNamespace:
+    """What a NavSatFix says, of lat, lon [rad] and elevation [m]; the log does not say how exact it is."""
+    return SimpleNamespace(
+        latitude=at["lat"] / DEG, longitude=at["lon"] / DEG, altitude=at.get("elevation", nan),
+        status=SimpleNamespace(status=0), position_covariance_type=0,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""A run as MF4, BLF or ASC."""
