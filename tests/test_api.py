@@ -59,7 +59,10 @@ def test_import_loads_nothing_and_says_what_there_is():
     code = "import sys, swath; print('numpy' in sys.modules, 'run' in dir(swath)); swath.nothing"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert run.stdout.split() == ["False", "True"]
-    assert "it offers batch, branch, detect, load_scenario, read_field, run, scan, worlds, Env" in run.stderr
+    assert (
+        "it offers batch, branch, detect, load_scenario, read_field, run, scan, tune, worlds, Env"
+        in run.stderr
+    )
 
 
 SCAN = {"run.distance_m": 1, "combine.lidar.level": "empirical"}

@@ -5,9 +5,9 @@ import swath
 result = swath.run("straight", sets={"combine.speed.speed_kmh": 5})
 result.summary["lateral_rms_m"]
 
-`run`, `batch`, `worlds`, `branch`, `scan`, `detect`, `load_scenario` and `read_field` are in swath/api.py,
-imported when one of them is used; so are `Env` and `VectorEnv`, a scenario as an environment of gymnasium,
-made by id, too: `gymnasium.make("swath/straight")`.
+`run`, `batch`, `worlds`, `branch`, `scan`, `detect`, `tune`, `load_scenario` and `read_field` are in
+swath/api.py, imported when one of them is used; so are `Env` and `VectorEnv`, a scenario as an environment of
+gymnasium, made by id, too: `gymnasium.make("swath/straight")`.
 """
 
 from importlib import import_module
@@ -24,6 +24,7 @@ _OFFERED = {
     "read_field": "swath.api",
     "run": "swath.api",
     "scan": "swath.api",
+    "tune": "swath.api",
     "worlds": "swath.api",
     "Env": "swath.environment",
     "VectorEnv": "swath.vector_environment",

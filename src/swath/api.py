@@ -35,6 +35,7 @@ from swath.tools.scan.scan import scan_job
 
 if TYPE_CHECKING:
     from swath.field_io.folder import FieldFolder
+    from swath.tools.tune.tune import Tuned
 
 Sets = Mapping[str, Any] | Sequence[str]
 
@@ -348,6 +349,78 @@ def branch(
         except InputError as error:
             remove_empty(target)
             raise scenario.locate(error) from error
+
+
+def tune(
+    cases: str | Path | Sequence[str | Path],
+    params: Mapping[str, str | Sequence[Any]],
+    out: str | Path,
+    *,
+    aims: Sequence[str] = ("margin",),
+    prove: Sequence[str | Path] = (),
+    tries: int = 60,
+    each: int = 8,
+    proof: int = 32,
+    sets: Sets = (),
+    level: str = "",
+    seed: int = 1,
+    workers: int = 1,
+    code: bool = False,
+) -> "Tuned":
+    """Tune numbers and choices of a scenario in cases, as `swath tune` does.
+
+    Parameters
+    ----------
+    cases : str, Path or sequence of them
+        Cases by name, files or folders.
+    params : mapping
+        By scenario key a range, as `"2..8"`, `"2..8:whole"`, `"0.1..10:log"`, or a sequence of choices.
+    out : str or Path
+        Folder of the results; a tuning that was stopped goes on in it.
+    aims : sequence of str
+        One or two metrics; by default the margin to the limits. `"NAME:lower"` where swath does not know
+        what is better.
+    prove : sequence of str or Path
+        Cases in which the winner is proven, instead of other conditions of `cases`.
+    tries, each : int
+        Settings, and runs of each.
+    proof : int
+        Runs of each part of the proof.
+    sets, code
+        As in `load_scenario`; what was shipped is what `sets` says.
+    level : str
+        Level of the LiDAR, as in `swath test run`.
+    seed : int
+        Of the draws.
+    workers : int
+        Processes, as in `batch`.
+
+    Returns
+    -------
+    Tuned
+        `verdict`, `winner` (values by key), `proofs` and `exit_code`; report.html lies in the folder.
+
+    Raises
+    ------
+    InputError
+        Where something cannot be tuned, or `out` holds another tuning.
+    """
+    from swath.tools.tune.page import write_tuned
+    from swath.tools.tune.parameters import as_text
+    from swath.tools.tune.tune import Tune, run_tune, source_of
+
+    some = [cases] if isinstance(cases, str | Path) else cases
+    texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
+    told = tuple(as_text(key, said) for key, said in params.items())
+    asked = Tune(
+        tuple(map(source_of, some)), told, tuple(aims), tuple(map(source_of, prove)), tries, each, proof,
+        tuple(texts), level, seed,
+    )  # fmt: skip
+    choices = [f"choice={choice}" for parameter in asked.parameters for choice in parameter.choices]
+    with _allowed(code, [*texts, *choices]):
+        found = run_tune(Path(out), asked, workers, lambda result: None)
+        write_tuned(found)
+    return found
 
 
 Entry = str | Path | Scenario | Mapping[str, Any]

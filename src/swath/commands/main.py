@@ -54,6 +54,7 @@ from swath.tools.reda import command as reda
 from swath.tools.rerun import command as rerun
 from swath.tools.run_log import command as run_log
 from swath.tools.scan import command as scan
+from swath.tools.tune import command as tune
 from swath.tools.yield_log import command as yield_log
 
 COMMANDS = {
@@ -62,7 +63,7 @@ COMMANDS = {
         *(view, report, diff, branch, rerun, part, yield_log, run_log),
     ),
     "use measured data": (field, height_map, calibrate, compare, lab),
-    "many runs, whole fields": (function_test, odd, fleet, reda, dataset),
+    "many runs, whole fields": (function_test, tune, odd, fleet, reda, dataset),
     "connect and set up": (ros2, fmu, can, osi, schema, completion),
 }
 ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"
@@ -129,6 +130,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; returns the exit code.
 
     0 done, 1 a limit of the scenario failed, 2 bad input, 3 a limit was not judged or a claim not shown,
+    4 better in the tuned cases only,
     70 a mistake in swath, 130 stopped by Ctrl-C, 143 by SIGTERM.
     """
     debug = os.environ.get("SWATH_DEBUG") == "1"

@@ -274,12 +274,17 @@ def limits_of(expect: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def find_cases(source: str, tags: Sequence[str] = ()) -> list[Case]:
-    """Cases by name: `catalogue` for all that are bundled, one of them, a case file, or a folder of them.
+def find_cases(source: str | Sequence[str], tags: Sequence[str] = ()) -> list[Case]:
+    """Cases by name: `catalogue` for all that are bundled, one of them, a case file, or a folder of them; of
+    several sources each case once.
 
-    tags: only cases that have one of these. Raises InputError when there is none.
+    tags: only cases that have one of these. Raises InputError when there is none, or two have a name.
     """
-    cases = [read_case(path) for path in _paths(source)]
+    sources = [source] if isinstance(source, str) else source
+    cases = [read_case(path) for path in dict.fromkeys(path for each in sources for path in _paths(each))]
+    names = [case.name for case in cases]
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise InputError("cases", twice, "expected cases with different names")
     chosen = [case for case in cases if not tags or set(tags) & set(case.file.tags)]
     if not chosen:
         have = sorted({tag for case in cases for tag in case.file.tags})

@@ -14,6 +14,7 @@ from swath.sensing.lidar.empirical import BIASED
 from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
 from swath.tools.function_test.judged import OPEN, UNJUDGED
+from swath.tools.function_test.margin import MARGIN
 from swath.tools.function_test.paired import ALPHA, Difference, difference, holm, paired_values, verdict_test
 from swath.tools.function_test.plan import looked_at
 from swath.tools.function_test.session import open_session
@@ -32,12 +33,14 @@ class Comparison:
     """Pairs of results, old and new. metrics: compared; alone: runs that only one of the two has.
 
     undecided: difference of an error of edge or line up to which the level of the scanner cannot decide [m]
+    alpha: chance with which one difference is shown that is not there
     """
 
     pairs: Sequence[tuple[Result, Result]]
     metrics: Sequence[str]
     alone: int
     undecided: float = 0.0
+    alpha: float = ALPHA
 
     @cached_property
     def outcomes(self) -> list[str]:
@@ -48,19 +51,19 @@ class Comparison:
     def differences(self) -> dict[str, Difference]:
         """Of each metric, pooled over all pairs that have it."""
         values = {name: paired_values(self.pairs, name) for name in self.metrics}
-        return {name: difference(found) for name, found in values.items() if found}
+        return {name: difference(found, 1.0 - self.alpha) for name, found in values.items() if found}
 
     @cached_property
     def shown(self) -> set[str]:
-        """Metrics, and `verdicts`, whose difference is shown; one of them falsely in 1 of 20 at most."""
+        """Metrics, and `verdicts`, whose difference is shown; any of them falsely with a chance of alpha."""
         changed = [self.outcomes.count(what) for what in (BETTER, WORSE)]
         p = {name: d.p for name, d in self.differences.items()}
-        return holm({**p, VERDICTS: verdict_test(*changed)})
+        return holm({**p, VERDICTS: verdict_test(*changed)}, self.alpha)
 
     @property
     def least_pairs(self) -> int:
         """Pairs of which Wilcoxon's test, at best 2 / 2^n, shows anything beside all other questions."""
-        return ceil(log2(2.0 * (len(self.differences) + 1) / ALPHA))
+        return ceil(log2(2.0 * (len(self.differences) + 1) / self.alpha))
 
     def says(self, name: str) -> str:
         """`better`, `worse`, `changed` (of a metric where neither direction is better), or nothing shown;
@@ -72,7 +75,7 @@ class Comparison:
             return f"undecided at {CHEAP}"
         if name == VERDICTS:
             return "worse" if self.outcomes.count(WORSE) > self.outcomes.count(BETTER) else "better"
-        good = _direction(name)
+        good = better_of(name)
         if not good:
             return "changed"
         return "better" if (self.differences[name].estimate > 0.0) == (good == "higher") else "worse"
@@ -100,11 +103,11 @@ def outcome(old: Result, new: Result) -> str:
     return SAME_VERDICT if passed[0] == passed[1] else BETTER if passed[1] else WORSE
 
 
-def compare(old: str, new: str, metrics: Sequence[str] = ()) -> Comparison:
+def compare(old: str, new: str, metrics: Sequence[str] = (), alpha: float = ALPHA) -> Comparison:
     """The pairs of two results, each `FOLDER` or `FOLDER:CANDIDATE`. InputError where there are none.
 
     metrics: to compare, named before the results are looked at; () = METRICS. Runs pair by case, point and
-    seed, and by candidate where neither side names one.
+    seed, and by candidate where neither side names one. alpha: as of the comparison
     """
     a, b = _results(old), _results(new)
     keys = [key for key in a if key in b]
@@ -112,7 +115,7 @@ def compare(old: str, new: str, metrics: Sequence[str] = ()) -> Comparison:
         raise InputError("compare", new, f"expected runs of the same cases, points and seeds as in {old}")
     alone = len(a) + len(b) - 2 * len(keys)
     pairs = [(a[key], b[key]) for key in keys]
-    return Comparison(pairs, metrics or METRICS, alone, _undecided(old, new))
+    return Comparison(pairs, metrics or METRICS, alone, _undecided(old, new), alpha)
 
 
 def _undecided(old: str, new: str) -> float:
@@ -163,7 +166,10 @@ def _results(source: str) -> dict[Key, Result]:
     }  # fmt: skip
 
 
-def _direction(metric: str) -> str:
+def better_of(metric: str) -> str:
+    """`lower`, `higher` or "" of a metric: what is better."""
+    if metric == MARGIN:
+        return "higher"
     known: dict[str, Any] = load_evaluators().metrics
     found = known.get(metric.rpartition(".")[2])
     return "" if found is None else str(found.better)

@@ -16,6 +16,7 @@ from swath.judge.catalogue import load_evaluators
 from swath.terminal.outcome import NOT_JUDGED
 
 Entry = Mapping[str, Any]
+MARGIN = "margin"  # as a metric: that to the nearest limit
 ERROR = -2.0  # margin of a run that came to nothing
 KEPT_OR_NOT = ("distance_m",)  # whose lower bound is kept or not: it ends with the run
 

@@ -25,7 +25,7 @@ MOST_PAIRS = 2000  # whose differences are all averaged with each other; of more
 
 @dataclass(frozen=True)
 class Difference:
-    """New minus old of one number over pairs. estimate, low, high: with its interval of 95 %.
+    """New minus old of one number over pairs. estimate, low, high: with its interval.
 
     within: the smallest margin in which it is shown to lie (two one-sided tests at 5 %)
     smallest: the difference that so many pairs would have shown with a chance of 80 %
@@ -41,8 +41,8 @@ class Difference:
     p: float
 
 
-def difference(values: Sequence[float]) -> Difference:
-    """Difference that pairs show, (n,), finite."""
+def difference(values: Sequence[float], confidence: float = 1.0 - ALPHA) -> Difference:
+    """Difference that pairs show, (n,), finite. confidence: of the interval."""
     stats = scipy_stats()
     d = np.asarray(values, dtype=float)
     n = len(d)
@@ -55,7 +55,7 @@ def difference(values: Sequence[float]) -> Difference:
     p = float(stats.wilcoxon(d, zero_method="pratt", method=method).pvalue) if n > 1 else 1.0
     some = np.sort(d)[:: -(-n // MOST_PAIRS)]
     walsh = np.sort(((some[:, None] + some[None, :]) / 2.0)[np.triu_indices(len(some))])
-    low, high = _interval(walsh, len(some), 0.95)
+    low, high = _interval(walsh, len(some), confidence)
     inner = _interval(walsh, len(some), 0.90)
     smallest = float(stats.norm.ppf(0.975) + stats.norm.ppf(POWER)) * sd / sqrt(n * EFFICIENCY)
     within = max(abs(inner[0]), abs(inner[1]))

@@ -58,7 +58,7 @@ class PlannedRun:
 
 @dataclass(frozen=True)
 class Plan:
-    """Which runs there are. cases: a source of `find_cases`; candidates: changes of the scenario by name.
+    """Which runs there are. cases: sources of `find_cases`; candidates: changes of the scenario by name.
 
     seeds: of each case, None = its own
     drawn: points at random instead of the grid
@@ -68,13 +68,14 @@ class Plan:
     level: of scanners, "" = those of the scenarios; the cheap one only where it can carry the limits, unless
         AS_SET
     points: (seed, point) of each run instead of all points with all seeds, as a search chose them
+    chosen: the same, by case
     code: hash of the code that its results come from, "" = this
     made_of: of the files that it names, by path
     expects: limits of the cases when the plan was made, by case: they belong to the names of the runs; others
         = as the cases have them now
     """
 
-    cases: str
+    cases: str | tuple[str, ...]
     tags: tuple[str, ...] = ()
     candidates: Mapping[str, Sequence[str]] = field(default_factory=lambda: {"base": ()})
     seeds: int | None = None
@@ -84,6 +85,7 @@ class Plan:
     shadow: bool = False
     level: str = ""
     points: tuple[tuple[int, Point], ...] = ()
+    chosen: Mapping[str, tuple[tuple[int, Point], ...]] = field(default_factory=dict)
     code: str = ""
     expects: Mapping[str, Any] = field(default_factory=dict)
     made_of: Mapping[str, str] = field(default_factory=dict)
@@ -163,8 +165,8 @@ class Plan:
     def counts(self) -> dict[str, int]:
         """How many runs each case has with one candidate."""
         sizes = {case.name: self.drawn or case.grid_size for case in self.found}
-        if self.points:
-            return dict.fromkeys(sizes, len(self.points))
+        if self.points or self.chosen:
+            return {name: len(self.chosen.get(name, self.points)) for name in sizes}
         return {case.name: sizes[case.name] * len(self._seeds_of(case)) for case in self.found}
 
     def _points_of(self, case: Case) -> Iterator[tuple[int, Point]]:
@@ -173,8 +175,8 @@ class Plan:
 
     def _point_of(self, case: Case, place: int) -> tuple[int, Point]:
         """Seed and point of one of the runs of a case with each candidate, 0 <= place < its count."""
-        if self.points:
-            seed, point = self.points[place]
+        if points := self.chosen.get(case.name, self.points):
+            seed, point = points[place]
             return seed, {name: point[name] for name in case.file.vary}  # a file keeps no order
         of_seed, number = divmod(place, self.drawn or case.grid_size)
         seed = self._seeds_of(case)[of_seed]
@@ -234,7 +236,7 @@ class Plan:
         named = [[case.scenario, _named_by(case)] for case in self.found]
         plain["made_of"] = hashes_by_path([changes, named])
         plain["code"] = self.code or code_hash()
-        if Path(self.cases).parent == folder.resolve():
+        if isinstance(self.cases, str) and Path(self.cases).parent == folder.resolve():
             plain["cases"] = Path(self.cases).name
         return json.dumps(plain, indent=2) + "\n"
 
