@@ -3,16 +3,21 @@
 Command lines are parsed, YAML is read as a scenario or as part of one, Python runs.
 """
 
+import importlib
+import math
 import re
 import shlex
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import swath
 from swath.commands.main import GONE, UsageError, make_parser
 from swath.core.errors import InputError
+from swath.core.together import Samples
 from swath.documents.validation import validate
 from swath.documents.yaml_document import dump, parse
 from swath.fleet.files import FORMAT as FLEET_FORMAT
@@ -20,6 +25,7 @@ from swath.fleet.files import read_job
 from swath.scenario.scenario import load_scenario, parse_scenario, scenario_names
 from swath.scenario.slots import CATALOGUE
 from swath.scenario.versions import FORMAT, SECTIONS
+from swath.signals import SteerCommand
 from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import FORMAT as CASE_FORMAT
 from swath.tools.function_test.odd.binding import FORMAT as ODD_FORMAT
@@ -199,3 +205,19 @@ def test_python_runs(page, tmp_path, monkeypatch):
         if str(error.name).startswith("swath"):
             raise
         pytest.skip(f"needs {error.name}")
+
+
+def test_the_level_in_contributing_follows_its_equation(tmp_path, monkeypatch):
+    """The wheels come to a wanted angle with 1 - exp(-t / lag), in each of two worlds with its own lag."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    (tmp_path / "lag.py").write_text(next(found[2] for found in FENCE.finditer(text) if found[1] == "python"))
+    monkeypatch.syspath_prepend(tmp_path)
+    lag = importlib.import_module("lag")
+    setup = SimpleNamespace(machine=SimpleNamespace(wheelbase=3.0))
+    both = lag.Lag.together([lag.Lag(lag.Params(s), setup) for s in (0.2, 0.5)])
+    both.reset([])
+    command = Samples(SteerCommand, 0, {"curvature": np.full(2, 0.1), "is_engaged": np.ones(2, bool)})
+    for t in range(0, 100_000_000, 5_000_000):
+        steering = both.step(t, 5_000_000, {"command": command})["steering"]
+    wanted = math.atan(0.3) * (1.0 - np.exp(-0.1 / np.array([0.2, 0.5])))
+    assert steering.arrays["angle"] == pytest.approx(wanted, rel=1e-12)
