@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.ability import ByMembers
-from swath.core.rows import HEAD, Row, Trail
+from swath.core.rows import HEAD, Row, Spare, Trail
 from swath.core.signal import Signal
 from swath.core.together import Samples, Sent, plain
 
@@ -75,7 +75,13 @@ class Pile:
     """
 
     def __init__(
-        self, slot: str, output: str, sent: Sent, room: int = ROOM, head: Ints | None = None
+        self,
+        slot: str,
+        output: str,
+        sent: Sent,
+        room: int = ROOM,
+        head: Ints | None = None,
+        spare: Spare | None = None,
     ) -> None:
         self.slot, self.output, self.kind = slot, output, sent.kind
         self._orders, self._times, self._stamps = list[int](), list[int](), list[int]()
@@ -89,7 +95,7 @@ class Pile:
             samples = sent.all
             self.alike = samples.alike
             if isinstance(samples, Row):
-                self.trail = Trail(samples, room, head)
+                self.trail = Trail(samples, room, head, spare)
             else:
                 self._arrays = {k: np.empty((room, *a.shape), a.dtype) for k, a in samples.arrays.items()}
 
@@ -308,7 +314,9 @@ class Seen:
         """That of one machine, "" = of all."""
         if machine not in self._of_machine:
             own = [b for b in self.blocks if self._is_of(b, machine)]
-            self._of_machine[machine] = self if len(own) == len(self.blocks) else Seen(own)
+            if len(own) == len(self.blocks):
+                return self  # not kept: a cycle would hold all samples until it is collected
+            self._of_machine[machine] = Seen(own)
         return self._of_machine[machine]
 
     @staticmethod
@@ -421,6 +429,7 @@ class Blocks:
         self._piles: dict[Wire, list[Pile]] = {}
         self._rooms: dict[Wire, int] = {}  # how many samples came before a look
         self._heads: dict[Wire, Ints] = {}
+        self._spare: dict[Wire, Spare] = {}
         self._asked: dict[tuple[type[Signal], str], list[Pile]] = {}  # of `piles`
         self.order = np.zeros(1, np.int64)
 
@@ -477,6 +486,6 @@ class Blocks:
             piles[-1].close()
         self._asked = {}
         is_row = sent.is_of_all and isinstance(sent.all, Row)
-        head = self.head(wire) if is_row else None
-        piles.append(Pile(slot, output, sent, max(room, self._rooms.get(wire, 0)), head))
+        head, spare = (self.head(wire), self._spare.setdefault(wire, Spare())) if is_row else (None, None)
+        piles.append(Pile(slot, output, sent, max(room, self._rooms.get(wire, 0)), head, spare))
         return piles[-1]

@@ -412,10 +412,16 @@ class Lockstep:
             taker.look = self.look
 
     def advance(
-        self, until: int, goal: Goal | None = None, stop: Callable[[], bool] | None = None
+        self,
+        until: int,
+        goal: Goal | None = None,
+        stop: Callable[[], bool] | None = None,
+        *,
+        looks: bool = True,
     ) -> Iterator[list[int]]:
         """Step to a time [ns]; gives worlds as they end: by a part, an EndOfRun, an error (see `errors`), or
-        because they have reached the goal. They are no longer stepped. stop: asked after every tick.
+        because they have reached the goal. They are no longer stepped. stop: asked after every tick; looks:
+        observers look at the end, and not only where they are asked for something.
         """
         self.look_around()
         self._until, self._has_room = until, False
@@ -462,7 +468,8 @@ class Lockstep:
         self.t = max(self.t, until)
         for world in self.going:
             self.graphs[world].t = self.t
-        self.look()
+        if looks:
+            self.look()
 
     def reached(self, goal: Goal) -> NDArray[np.bool_]:
         """Worlds that have reached a goal."""

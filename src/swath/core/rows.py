@@ -6,7 +6,9 @@ somebody takes them. Compiled code finds both by their addresses (`core/ops.py`)
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from math import prod
 from typing import Any, NamedTuple, get_args, get_type_hints
+from weakref import finalize
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
@@ -28,6 +30,7 @@ FORMS: dict[Any, Any] = {
 }
 Ints = NDArray[np.int64]
 LINE = 64  # bytes: fields that are arrays begin at such a place
+SPARE = 2  # memories that are kept: one is read while the next is filled
 
 
 class Room(NamedTuple):
@@ -214,10 +217,11 @@ class Trail:
 
     times: when each was sent [ns]; stamps: its own `t`; orders: its place among all that was sent
     head: (HEAD,) where the memories lie, and how many samples there are; compiled code adds to it
+    spare: memories of earlier trails of this output
     """
 
-    def __init__(self, row: Row, room: int, head: Ints | None = None) -> None:
-        self.row = row
+    def __init__(self, row: Row, room: int, head: Ints | None = None, spare: "Spare | None" = None) -> None:
+        self.row, self._spare = row, spare or Spare()
         self.head = np.zeros(HEAD, np.int64) if head is None else head
         self.head[COUNT] = 0
         self.memory: NDArray[Any]
@@ -259,7 +263,7 @@ class Trail:
 
     def _grow(self, room: int) -> None:
         count, row = self.count, self.row.memory
-        memory, numbers = np.empty((room, *row.shape), row.dtype), np.empty((3, room), np.int64)
+        memory, numbers = self._spare.empty((room, *row.shape), row.dtype), np.empty((3, room), np.int64)
         if count:
             memory[:count], numbers[0, :count] = self.memory[:count], self.times[:count]
             numbers[1, :count], numbers[2, :count] = self.stamps[:count], self.orders[:count]
@@ -267,3 +271,22 @@ class Trail:
         self.times, self.stamps, self.orders = numbers
         first, size = numbers.ctypes.data, 8 * room
         self.head[:] = memory.ctypes.data, count, room, first, first + size, first + 2 * size
+
+
+class Spare:
+    """Memories that are used again once no array of them is left: new ones cost a page fault each 4 KiB."""
+
+    def __init__(self) -> None:
+        self._kept: list[NDArray[np.uint8]] = []
+
+    def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+        """An array that holds anything."""
+        size = prod(shape) * dtype.itemsize
+        at = next((k for k, known in enumerate(self._kept) if len(known) >= size), None)
+        memory = np.empty(size, np.uint8) if at is None else self._kept.pop(at)
+        base = np.frombuffer(memory.data, np.uint8, size)  # of all views
+        finalize(base, self._take_back, memory).atexit = False
+        return base.view(dtype).reshape(shape)
+
+    def _take_back(self, memory: NDArray[np.uint8]) -> None:
+        self._kept = [memory, *self._kept[: SPARE - 1]]

@@ -20,6 +20,7 @@ import numpy as np
 from swath.core.blocks import Block, Pile, Seen, no_look
 from swath.core.frames import Pose
 from swath.core.frozen import define
+from swath.core.rows import Spare
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
@@ -254,6 +255,7 @@ class Columns:
         head = [self._row.ctypes.data, self.size, 0, self.size, 0, len(table)]
         self._job = np.array([*head, *(v for line in table for v in line)], np.int64)
         self._table = self._job[len(head) :].reshape(-1, 5)
+        self._spare = Spare()
         self._launch = repeatable(kernel.lay_rows, [shared(self._job)]).launch
 
     def fits(self, pile: Pile) -> bool:
@@ -265,7 +267,7 @@ class Columns:
     def bytes_of(self, pile: Pile) -> np.ndarray:
         """(samples, worlds, size) uint8."""
         count, worlds = pile.count, pile.worlds
-        rows = np.empty((count, worlds, self.size), np.uint8)
+        rows = self._spare.empty((count, worlds, self.size), np.dtype(np.uint8))
         when = {"": pile.times, "t": pile.stamps}
         kept = []
         for k, (name, dtype, first) in enumerate(self._arrays):

@@ -89,7 +89,9 @@ def advance(
     goal = _arrival(worlds)
     beat = BEAT if len(worlds) == 1 else LONG_BEAT
     while lockstep.t < until and lockstep.going:
-        yield from lockstep.advance(min((lockstep.t // beat + 1) * beat, until), goal)
+        look = (lockstep.t // beat + 1) * beat
+        looks = len(worlds) == 1 or look <= until
+        yield from lockstep.advance(min(look, until), goal, looks=looks)
         raise_if_lost()
         if progress is not None:
             progress(driven_m(worlds[0]), lockstep.t / NS)
