@@ -85,7 +85,18 @@ LIMITS = {
         "constant": Limit("no transport delay", (0.0, 0.1)),
         "delay_line": Limit("mean delays exact, spread by less than a step", (13.9, 14.1)),
         "threshing": Limit("steady losses equal the closed forms, mass within 1e-12", (10.0, 15.0)),
+        "organs": Limit("equal to `threshing` where the organs are those of it", (10.0, 15.0)),
     },
+    # mean time from knife to drum [s]: from, to
+    "feeder": {
+        "ideal": Limit("exact", (0.0, 0.1)),
+        "model": Limit("mean delays exact at a steady flow", (2.5, 4.0)),
+    },
+    "threshing": {"ideal": Limit("exact", 0.0), "model": Limit("equal to the closed forms", EXACT)},
+    "separation": {"ideal": Limit("exact", 0.0), "model": Limit("equal to the closed forms", 1e-9)},
+    "cleaning": {"ideal": Limit("exact", 0.0), "overload": Limit("equal to the closed forms", EXACT)},
+    # of the delay [s]
+    "returns": {"ideal": Limit("exact", EXACT), "model": Limit("delay exact to rounding", EXACT)},
     "powertrain": {
         "ideal": Limit("equal to hydrostat within the governor's droop", 0.05),
         "hydrostat": Limit("steady speeds equal to the torque balance", 1e-3),
@@ -181,7 +192,7 @@ def make(slot, level, setup, **params):
     """The component of a level, not yet reset; skips where its extra is not installed."""
     found = CATALOGUE.registry.get(slot, level)
     try:
-        return found.component(found.params(**params), setup)
+        return found.component(found.params and found.params(**params), setup)
     except MissingExtra as error:
         pytest.skip(str(error))
 

@@ -9,12 +9,14 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.units import DEG
+from swath.machine.cleaning.overload import shoe_loss
 from swath.machine.powertrain.power_balance import governed_speed
-from swath.signals import MachineLoad, MachineState
+from swath.machine.threshing.model import coupled
+from swath.signals import CropStream, MachineLoad, MachineState, OrganWork
 from tests.field.made_field import made_field
 from tests.levels.limits import each_level, make
 from tests.machine.machine_fakes import STREAM, Ground, site
-from tests.machine.process_rig import flow, state
+from tests.machine.process_rig import Row, flow, state
 from tests.machine.test_powertrain_engine import DRIVETRAIN, settle
 from tests.machine.test_steering import curvature, run
 
@@ -54,7 +56,8 @@ def grain_of(level):
 def test_mass_and_mean_time_of_a_charge(level, limit):
     """60 s of 2 kg/s of grain and 1.3 kg/s of straw: all of it comes out, this much later."""
     ground = Ground()
-    process = make("process", level, site(ground, period=0.1))
+    setup = site(ground, period=0.1)
+    process = Row(setup) if level == "organs" else make("process", level, setup)
     process.reset(STREAM)
     moment = last = 0.0
     for i in range(1500):
@@ -68,6 +71,65 @@ def test_mass_and_mean_time_of_a_charge(level, limit):
     assert load.held_grain < 1e-3
     low, high = limit
     assert low <= moment / last - 29.95 <= high + 1e-9
+
+
+def worked(slot, level, steps, **given):
+    """What an organ sends in 20 s with a crop of 2.4 kg of grain and 1.54 of straw in steps of 0.1 s."""
+    organ = make(slot, level, site(period=0.1))
+    organ.reset(STREAM)
+    here = {port.name: () for port in organ.inputs} | {"engine": None, "state": state(0, 0.0, 2.0)}
+    made = []
+    for k in range(200):
+        fed = {name: (sample,) for name, sample in given.items()} if k < steps else {}
+        made.append(organ.step(k * STEP, STEP, {**here, **fed}))
+    return made
+
+
+@each_level("feeder")
+def test_mean_time_to_the_drum(level, limit):
+    out = [o["fed"].grain for o in worked("feeder", level, 100, flow=flow(0, 2.4, 1.54, 0.1))]
+    assert sum(out) == pytest.approx(240.0, rel=1e-6)
+    assert limit[0] <= np.dot(out, np.arange(200)) / sum(out) * 0.1 - 4.95 <= limit[1]
+
+
+@each_level("threshing")
+def test_grain_behind_the_drum(level, limit):
+    d = DRIVETRAIN.threshing
+    layer = (15.4 / d.straw) ** -d.drum_exponent
+    ear, free = coupled(2.4, 0.0, d.drum_threshing * layer, d.drum_separation * layer)
+    over = worked("threshing", level, 200, fed=CropStream(0, 2.4, straw=1.54))[-1]["over"]
+    expected = (0.0, 0.0) if level == "ideal" else (ear, free)
+    assert (over.unthreshed, over.free) == pytest.approx(expected, rel=limit)
+
+
+@each_level("separation")
+def test_grain_behind_the_separation(level, limit):
+    d = DRIVETRAIN.threshing
+    work = OrganWork(0, 2.4, 1.54, 0.1)
+    over = worked("separation", level, 200, fed=CropStream(0, 0.05, 0.6, straw=1.155), drum=work)[-1]["over"]
+    expected = coupled(0.05, 0.6, d.rotor_threshing, d.rotor_separation)
+    assert over.straw == pytest.approx(1.155)
+    if level == "ideal":
+        expected = 0.0, 0.0
+    assert (over.unthreshed, over.free) == pytest.approx(expected, rel=limit)
+
+
+@each_level("cleaning")
+def test_grain_behind_the_shoe(level, limit):
+    made = worked("cleaning", level, 200, pan=CropStream(0, free=2.4, chaff=0.4))[-1]
+    load = 28.0 / DRIVETRAIN.cleaning.flow
+    lost = shoe_loss(load, DRIVETRAIN.cleaning) if level == "overload" else 0.0
+    back = DRIVETRAIN.cleaning.returns * load if level == "overload" else 0.0
+    assert made["over"].free == pytest.approx(2.4 * lost, rel=limit)
+    assert made["returned"].free == pytest.approx(2.4 * (1.0 - lost) * back, rel=limit)
+    assert made["over"].chaff + made["returned"].chaff == pytest.approx(0.4)
+
+
+@each_level("returns")
+def test_delay_of_the_returns(level, limit):
+    out = [o["back"].free for o in worked("returns", level, 1, fed=CropStream(0, free=0.3))]
+    late = 0.0 if level == "ideal" else DRIVETRAIN.transport.returns
+    assert np.dot(out, np.arange(200)) / 0.3 * 0.1 == pytest.approx(late, abs=limit + 1e-9)
 
 
 @each_level("powertrain")

@@ -4,7 +4,9 @@ from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.machine.powertrain.hydrostat import HydrostatPowertrain
 from swath.machine.powertrain.hydrostat import Params as DriveParams
+from swath.machine.process import organs
 from swath.machine.process.threshing import Params, ThreshingProcess
+from swath.scenario.slots import CATALOGUE
 from swath.signals import CropFlow, MachineState
 from tests.machine.machine_fakes import STREAM, Ground, site
 
@@ -20,13 +22,32 @@ def flow(t, grain, straw, dt):
     return CropFlow(t, grain, straw, 1.0, 500, 1.0, dt)
 
 
+class Row(ThreshingProcess):
+    """The process `organs` behind organs of its own, wired as their slots are; levels and keys by slot."""
+
+    outputs = organs.Organs.outputs
+    _held, _organ_loads = organs.Organs._held, organs.Organs._organ_loads
+
+    def __init__(self, setup, levels=(), keys=(), **params):
+        super().__init__(Params(**params), setup)
+        self._organs = {n: self._made_of(n, dict(levels), dict(keys), setup) for n in self._organs}
+
+    @staticmethod
+    def _made_of(slot, levels, keys, setup):
+        level = levels.get(slot, CATALOGUE.default_level(slot))
+        if not isinstance(level, str):
+            return level
+        found = CATALOGUE.registry.get(slot, level)
+        return found.component(found.params and found.params(**keys.get(slot, {})), setup)
+
+
 class Rig:
     """Machine at a wanted speed [m/s]; `crop` gives grain and straw [kg/m2] at x."""
 
-    def __init__(self, *, engine=True, rated_power_kw=None, dt=0.1, crop=None, **params):
+    def __init__(self, *, engine=True, rated_power_kw=None, dt=0.1, crop=None, process=None, **params):
         self.ground = Ground()
         self.site = site(self.ground, period=dt)
-        self.process = ThreshingProcess(Params(**params), self.site)
+        self.process = process or ThreshingProcess(Params(**params), self.site)
         self.load = self.process.reset(STREAM)["load"]
         drive = DriveParams(rated_power_kw=rated_power_kw)
         self.drive = HydrostatPowertrain(drive, self.site) if engine else None
@@ -48,9 +69,10 @@ class Rig:
         self.grain, self.straw = self.grain + grain, self.straw + straw
         here = state(self.t + self.dt, self.x, self.speed, roll, pitch)
         inputs = {"flow": (flow(self.t + self.dt, grain, straw, h),), "state": here, "engine": self.engine}
-        self.load = self.process.step(self.t, self.dt, inputs)["load"]
+        made = self.process.step(self.t, self.dt, inputs)
+        self.load, self.organs = made["load"], made.get("organs")
         if self.drive:
-            self.engine = self.drive.step(self.t, self.dt, {"state": here, "load": self.load})["engine"]
+            self.engine = self.drive.step(self.t, self.dt, {"state": here, **made})["engine"]
         self.t += self.dt
         self.rows.append((self.load, self.engine, self.speed))
         return self.load

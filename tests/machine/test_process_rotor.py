@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import load_machine
-from swath.machine.process.threshing import Rotor, coupled
+from swath.machine.separation.model import Rotor
+from swath.machine.threshing.model import coupled
 
 RATE = st.floats(0.01, 12.0)
 

@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
+from swath.machine.cleaning.overload import shoe_load, shoe_loss
 from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.process.threshing import Params, ThreshingProcess, coupled, shoe_load, shoe_loss
+from swath.machine.process.threshing import Params, ThreshingProcess
+from swath.machine.threshing.model import coupled
 from swath.signals import EngineState
 from swath.signals.setup import MachineGeometry
 from tests.machine.machine_fakes import STREAM, site

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.machine.process.transport import Conveyor, Mixer, flow_delay
+from swath.machine.transport import Conveyor, Mixer, flow_delay
 
 
 def leaving(conveyor, masses, way):

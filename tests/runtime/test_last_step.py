@@ -30,7 +30,7 @@ def driven(process, **chunks):
     return world, sum(cut), grain, last
 
 
-@pytest.mark.parametrize("process", ["constant", "delay_line", "threshing"])
+@pytest.mark.parametrize("process", ["constant", "delay_line", "threshing", "organs"])
 def test_the_last_cut_is_in_the_process_when_the_run_ends(process):
     world, cut, grain, last = driven(process)
     period = next(n.slot.period for n in world.graph.nodes if n.slot.name == "combine.process")

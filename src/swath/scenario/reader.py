@@ -13,7 +13,7 @@ from swath.documents.data_sheets import find_sheet
 from swath.documents.validation import known_keys, near_miss, unknown_key
 from swath.documents.yaml_document import Document, KeyPath, read_document
 from swath.scenario.expectations import read_evaluators, read_expect
-from swath.scenario.machine_types import BY_SECTION, slots_of
+from swath.scenario.machine_types import BY_LEVEL, BY_SECTION, slots_of
 from swath.scenario.resolved import FieldSection, LevelChoice, MachineSection, RealTimeSection, SlotChoice
 from swath.scenario.section_reader import NAME, ScenarioError, SectionReader
 from swath.scenario.sections import (
@@ -87,6 +87,10 @@ def _machine(reader: SectionReader, name: str, data: dict[str, Any]) -> MachineS
     except (InputError, OSError, ValueError):
         return None  # noted when its path was looked at
     unasked = _slots_of_type(reader, sheet, (name, "machine"))
+    for (slot, level), more in BY_LEVEL.items():
+        entry = data.get(slot, unasked.get(slot))
+        if (entry.get("level") if isinstance(entry, dict) else entry) == level:
+            unasked = {m: reader.catalogue.slot(m).level for m in more} | unasked
     chosen: dict[str, SlotChoice] = {}
     for kind, slot in _instances(reader, name, data, unasked):
         choice = read_slot(reader, name, slot, kind, data.get(slot, {}), unasked.get(slot, kind.level))

@@ -17,12 +17,13 @@ from typing import Any
 
 from swath.core.component import Port
 from swath.core.registry import Registry
-from swath.scenario.machine_types import MACHINE_TYPES
+from swath.scenario.machine_types import MACHINE_TYPES, ORGANS
 from swath.signals import (
     BoxSeen,
     CropAhead,
     CropEdge,
     CropFlow,
+    CropStream,
     EngineState,
     FeedReading,
     FieldMap,
@@ -39,6 +40,8 @@ from swath.signals import (
     MachineState,
     Objects,
     Odometry,
+    OrganLoads,
+    OrganWork,
     PeerState,
     PoseEstimate,
     Scan,
@@ -94,6 +97,20 @@ _OTHERS = {f"other_{i}": (f"peer_link_{i}", "peer") for i in (1, 2, 3, 4)}  # li
 _sensor = partial(SlotKind, is_plural=True, is_exchangeable=True)
 _of_control = partial(_sensor, is_control=True)
 
+
+def _organ(name: str, level: str, streams: tuple[str, ...], wires: Mapping[str, tuple[str, str]]) -> SlotKind:
+    """A slot in the way of the crop through a combine."""
+    return SlotKind(
+        name,
+        (f"swath.machine.{name}",),
+        level,
+        10.0,
+        (*(Port(stream, CropStream) for stream in streams), Port("work", OrganWork)),
+        {**wires, "engine": ("powertrain", "engine")},
+        link_adapter=f"swath.machine.organ:linked_{name}",
+    )
+
+
 SLOTS: tuple[SlotKind, ...] = (
     SlotKind(
         "motion",
@@ -120,6 +137,23 @@ SLOTS: tuple[SlotKind, ...] = (
         _STATE,
         more=(Port("height", HeaderState),),
     ),
+    _organ("returns", "model", ("back",), {"fed": ("cleaning", "returned")}),
+    _organ("feeder", "model", ("fed",), {"flow": ("header", "flow")}),
+    _organ(
+        "threshing", "model", ("over", "through"), {"fed": ("feeder", "fed"), "back": ("returns", "back")}
+    ),
+    _organ(
+        "separation",
+        "model",
+        ("over", "through"),
+        {"fed": ("threshing", "over"), "drum": ("threshing", "work")},
+    ),
+    _organ(
+        "cleaning",
+        "overload",
+        ("clean", "returned", "over"),
+        {"pan": ("threshing", "through"), "more": ("separation", "through"), **_STATE},
+    ),
     SlotKind(
         "process",
         ("swath.machine.process",),
@@ -131,7 +165,13 @@ SLOTS: tuple[SlotKind, ...] = (
             "flow": ("header", "flow"),
             "engine": ("powertrain", "engine"),
             "unload": ("unload", "unload"),
+            "straw": ("separation", "over"),
+            "chaff": ("cleaning", "over"),
+            "clean": ("cleaning", "clean"),
+            "returned": ("cleaning", "returned"),
+            **{organ: (organ, "work") for organ in ORGANS},
         },
+        more=(Port("organs", OrganLoads),),
         link_adapter="swath.machine.process.straw_laying:LaidStraw",
     ),
     SlotKind(
@@ -156,7 +196,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "hydrostat",
         20.0,
         (Port("engine", EngineState),),
-        {**_STATE, "load": ("process", "load")},
+        {**_STATE, "load": ("process", "load"), "organs": ("process", "organs")},
     ),
     _sensor(
         "crop_flow",

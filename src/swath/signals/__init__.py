@@ -40,6 +40,9 @@ from swath.signals.objects import Objects as Objects
 from swath.signals.objects import objects_of as objects_of
 from swath.signals.obstacles import OBSTACLE_KINDS as OBSTACLE_KINDS
 from swath.signals.obstacles import Obstacles as Obstacles
+from swath.signals.organs import CropStream as CropStream
+from swath.signals.organs import OrganLoads as OrganLoads
+from swath.signals.organs import OrganWork as OrganWork
 from swath.signals.positioning import FIX_QUALITIES as FIX_QUALITIES
 from swath.signals.positioning import Fix as Fix
 from swath.signals.positioning import Inertial as Inertial

@@ -67,7 +67,7 @@ class HydrostatPowertrain(Powertrain):
         """Integrate engine and limit over dt; the powers are held."""
         state: MachineState = inputs["state"]
         h, e = dt / NS, self._drivetrain.engine
-        taken, force = self._taken(state, inputs["load"], self._gained(state.speed) / h)
+        taken, force = self._taken(inputs, self._gained(state.speed) / h)
         belts = taken.belts / e.rated_speed
         count = max(1, ceil(h / (self._p.substep_ms * MS) - 1e-9))
         for _ in range(count):

@@ -34,7 +34,7 @@ class IdealPowertrain(Powertrain):
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Powers at t + dt."""
         e, state = self._drivetrain.engine, inputs["state"]
-        taken, _ = self._taken(state, inputs["load"], self._gained(state.speed) * NS / dt)
+        taken, _ = self._taken(inputs, self._gained(state.speed) * NS / dt)
         self._fuel.add(fuel_rate(taken.total, e.rated_speed, e) * dt / NS)
         return self._sample(t + dt, taken)
 

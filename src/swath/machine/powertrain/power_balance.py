@@ -4,13 +4,13 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from swath.core.component import KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import Drivetrain, Engine, drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, dynamics_of
 from swath.machine.traction import pull
-from swath.signals import EngineState, MachineLoad, MachineState
+from swath.signals import EngineState, MachineLoad, MachineState, OrganLoads
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,30 @@ class Powers:
         return max(self.belts + self.propulsion, 0.0)
 
 
-def powers(load: MachineLoad, propulsion: float, width: float, drivetrain: Drivetrain) -> Powers:
-    """Power at rated speed from the flows of the crop; header width [m], propulsion [W] at the engine."""
+def powers(
+    load: MachineLoad,
+    propulsion: float,
+    width: float,
+    drivetrain: Drivetrain,
+    organs: OrganLoads | None = None,
+) -> Powers:
+    """Power at rated speed from the flows of the crop; header width [m], propulsion [W] at the engine.
+
+    organs: what these take themselves
+    """
     c = drivetrain.consumers
     chopper = c.chopper + c.chopper_work * load.chopper_flow if load.chopper_flow > 0.0 else 0.0
+    header = c.header_width * width + c.header_work * load.header_flow
+    threshing, separation = c.drum_work * load.drum_flow, c.separation_work * load.rotor_flow
+    cleaning = c.cleaning
+    if organs is not None:
+        header, threshing = organs.header_power, organs.threshing_power
+        separation, cleaning = organs.separation_power, organs.cleaning_power
     return Powers(
-        header=c.header_width * width + c.header_work * load.header_flow,
-        threshing=c.drum_work * load.drum_flow,
-        separation=c.separation_work * load.rotor_flow,
-        cleaning=c.cleaning,
+        header=header,
+        threshing=threshing,
+        separation=separation,
+        cleaning=cleaning,
         chopper=chopper,
         unloading=c.unloading if load.unload_flow > 0.0 else 0.0,
         propulsion=propulsion,
@@ -114,7 +129,11 @@ def steady(machine: MachineSheet, state: MachineState, load: MachineLoad) -> dic
 class Powertrain(KeepsState):
     """What every level has: the sheet of its machine, the fuel used, the ground speed before."""
 
-    inputs = (Port("state", MachineState), Port("load", MachineLoad))
+    inputs = (
+        Port("state", MachineState),
+        Port("load", MachineLoad),
+        Port("organs", OrganLoads, optional=True),
+    )
     outputs = (Port("engine", EngineState),)
     kept: ClassVar[tuple[str, ...]] = ("_fuel", "_before")
 
@@ -135,11 +154,12 @@ class Powertrain(KeepsState):
         before, self._before = self._before, speed
         return 0.0 if math.isnan(before) else speed - before
 
-    def _taken(self, state: MachineState, load: MachineLoad, accel: float) -> tuple[Powers, float]:
+    def _taken(self, inputs: Inputs, accel: float) -> tuple[Powers, float]:
         """Powers at rated speed [W] and the force at the wheels [N] at an acceleration [m/s2]."""
+        state, load = inputs["state"], inputs["load"]
         force = pull(state, accel, load.tank_grain, self._dynamics)
         driving = propulsion_power(force, state.speed, self._drivetrain.hydrostat.efficiency)
-        return powers(load, driving, self._width, self._drivetrain), force
+        return powers(load, driving, self._width, self._drivetrain, inputs.get("organs")), force
 
     def _state(self, t: int, p: Powers, *, speed: float, power: float, load: float, limit: float) -> Outputs:
         """The sample, belts scaled to the speed [rad/s]. power [W]; limit: of the ground speed [m/s]."""

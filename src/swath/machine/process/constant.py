@@ -27,7 +27,7 @@ from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import tank_of
 from swath.machine.process.straw_outlet import StrawOutlet
-from swath.machine.process.transport import Conveyor, Mixer
+from swath.machine.transport import Conveyor, Mixer
 from swath.signals import CropFlow, MachineLoad, MachineState
 
 LOADS = (

@@ -1,0 +1,1 @@
+"""Cleaning levels: fan and sieves."""

@@ -1,0 +1,1 @@
+"""Feeder levels: from the knife to the drum."""

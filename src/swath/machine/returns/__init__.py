@@ -1,0 +1,1 @@
+"""Returns levels: from the shoe back to the drum."""

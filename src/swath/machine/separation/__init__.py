@@ -1,0 +1,1 @@
+"""Separation levels: grain out of the straw behind the drum."""

@@ -1,0 +1,1 @@
+"""Threshing levels: drum and concave."""
