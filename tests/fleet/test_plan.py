@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from swath.fleet.files import CombineSettings, FieldSettings, JobFile, PlanSetti
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import PARAMS as GAPS
 from swath.fleet.machines import body_of, machines_of
-from swath.fleet.plan import HEADLAND, LAND, plan_of, read_plan, strip_of
+from swath.fleet.plan import HEADLAND, LAND, Pass, plan_of, read_plan, strip_of, track_along
 from tests.fleet.drawn import drawn_job
 
 SQUARE = [(0.0, 0.0), (150.0, 0.0), (150.0, 100.0), (0.0, 100.0)]
@@ -142,3 +143,30 @@ def test_all_is_cut_beside_the_straight_sides_of_a_pond():
     ground, plan = planned(drawn_job(700, (0.6, 2.5)))
     around = ground.holes.buffer(1.1 * GAPS.rim_m)
     assert 0.0 < plan.left < around.area - ground.holes.area
+
+
+def test_a_round_without_corners_is_driven_through_its_bends():
+    """Pieces follow each other where they end, and no bend is sharper than a combine can turn."""
+    angle = np.linspace(0.0, 2.0 * math.pi, 40, endpoint=False)
+    far = 70.0 + 12.0 * np.cos(3.0 * angle)
+    ring = np.column_stack([1.4 * far * np.cos(angle), far * np.sin(angle)])
+    made = job(ring=ring.tolist(), rounds=2, truck=(-150.0, 0.0))
+    _, plan = planned(made)
+    (c,) = machines_of(made).combines
+    for number in (0, 1):
+        rounds = [p for p in plan.passes if p.kind == HEADLAND and p.land == number]
+        assert all(p.via for p in rounds)
+        for one, two in pairwise([*rounds, rounds[0]]):
+            end, start = track_along(one, c).end, track_along(two, c).start
+            assert math.dist(end[:2], start[:2]) < 0.01
+            assert abs(math.sin(end.heading - start.heading)) < 0.002
+        sharpest = max(np.abs(track_along(p, c).bends).max() for p in rounds)
+        assert 0.0 < sharpest < 1.0 / c.drive.radius
+    assert plan.left < 0.001 * plan.area
+
+
+def test_what_is_left_of_a_pass_begins_at_a_point_on_it():
+    bent = Pass((0.0, 0.0), (50.0, 40.0), 6.0, HEADLAND, via=((30.0, 0.0), (50.0, 20.0)))
+    assert bent.behind(10.0, 0.0).line == ((10.0, 0.0), *bent.line[1:])
+    assert bent.behind(40.0, 10.0).line == ((40.0, 10.0), (50.0, 20.0), (50.0, 40.0))
+    assert bent.reversed().reversed() == bent

@@ -430,13 +430,19 @@ class _Drive:
             if number in self.pair and m.ends[k] - m.begins[k] > 1e-2:
                 other = self.movers[self.table.segments[self.pair[number]].machine]
                 j = self.place[self.pair[number]]
-                gap = m.begins[k] + other.at - other.begins[j] - m.at
+                gap = m.begins[k] + self.beside(m, k, other, j) - m.at
                 speed = max(0.0, other.speed + gap / PARAMS.station_s)
                 if m.at < m.begins[k] - NEAR:
                     a = 0.8 * m.machine.drive.accel
                     return goal, max(speed, math.sqrt(2.0 * a * (m.begins[k] - m.at)))
                 return goal, speed
         return goal, math.inf
+
+    @staticmethod
+    def beside(m: _Mover, k: int, other: _Mover, j: int) -> float:
+        """How far a cart is in its segment when it is beside a combine in the one that goes with it [m]."""
+        longer = (m.ends[k] - m.begins[k]) / max(other.ends[j] - other.begins[j], NEAR)
+        return longer * (other.at - other.begins[j])
 
     def pour(self) -> None:
         """A step of all grain that flows."""
@@ -463,7 +469,7 @@ class _Drive:
         k, j = self.place[number], m.k
         assert isinstance(m.machine, Combine)
         assert isinstance(cart.machine, Cart)
-        off = (cart.at - cart.begins[k]) - (m.at - m.begins[j])
+        off = (cart.at - cart.begins[k]) - self.beside(cart, k, m, j)
         box = cart.machine.sheet.box
         assert box is not None
         if abs(off) > PARAMS.reach * box.length or cart.k < k - 1:

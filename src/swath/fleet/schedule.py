@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
@@ -26,12 +26,12 @@ from swath.fleet.ground import CELL, Ground, run_of, shapely_here
 from swath.fleet.ground import PARAMS as GROUND
 from swath.fleet.machines import PARAMS as GAPS
 from swath.fleet.machines import Cart, Combine, Drive, Machines, Place, beside, body_of, machines_of
-from swath.fleet.plan import CLEAN, HEADLAND, SLIVER, Pass, Plan, plan_of, strip_of
+from swath.fleet.plan import CLEAN, HEADLAND, SLIVER, Pass, Plan, plan_of, strip_of, strips_along, track_along
 from swath.fleet.plan import PARAMS as PLAN
 from swath.fleet.table import PARAMS as TABLE
 from swath.fleet.table import Path, Table, segments, standing
 from swath.fleet.ways import PARAMS as WAYS
-from swath.fleet.ways import Far, Finder, Track, behind, driven, straight, times_along
+from swath.fleet.ways import Far, Finder, Track, abreast, behind, driven, spent_along, times_along
 from swath.fleet.yard import PARAMS as YARD
 from swath.fleet.yard import WIDE, Home, Waits, along_passes, service_places, waiting_places
 
@@ -41,7 +41,8 @@ LEFT_KG = 1e-6  # of grain, that is none
 
 @dataclass(frozen=True)
 class Params:
-    """cut_m: longest segment of a pass; align_s: until a cart that has come beside is in line; tries: passes
+    """cut_m: longest segment of a pass, a third of it in bends; joins: how far off [m, rad] a pass may begin
+    that is gone on to without a way; align_s: until a cart that has come beside is in line; tries: passes
     that are looked at, the nearest first; poses: of a search before passes are left out; few: of carts
     that can come first, and of places to come beside at; soon_s: within which a machine stands that a way
     leads around; part: of a tank, up to which a combine begins a pass that its tank does not take; long_s:
@@ -54,6 +55,7 @@ class Params:
     """
 
     cut_m: float = 8.0
+    joins: tuple[float, float] = (0.01, 0.002)
     align_s: float = 10.0
     tries: int = 4
     poses: int = 96_000
@@ -190,8 +192,10 @@ class Schedule:
     def is_behind(self, best: "Schedule") -> bool:
         """Whether it cannot end before another one, or has lost more time by now than that one had then."""
         left, least = self.pace[-1]
-        crop, its = np.array(best.pace)[::-1].T
-        return least >= min(best.ends, float(np.interp(left, crop, its)) + PARAMS.lags * best.ends)
+        rows = np.array(best.pace)[::-1]
+        crop, last = np.unique(rows[:, 0], return_index=True)  # its last time with so much crop
+        its = float(np.interp(left, crop, rows[last, 1]))
+        return least >= min(best.ends, its + PARAMS.lags * best.ends)
 
     def renumber(self, new: Sequence[int]) -> None:
         """Segments have other numbers."""
@@ -209,16 +213,29 @@ class Schedule:
         return math.fsum(p.amount for p in self.poured if p.target == "truck")
 
 
+class _Run(NamedTuple):
+    """A combine's path along a pass, where its segments end [m], what its header goes over in each, polygons,
+    None where there is no room for it, and the grain there [kg/m2].
+    """
+
+    path: Path
+    marks: Array
+    strips: Any
+    density: Array
+
+
 @dataclass
 class _Leg:
-    """What a combine is about to do: a path, what it cuts of which pass, as driven and as planned, and from
-    which segment on; after: earliest times of segments [s]; lost: see `Scheduler.lost`; lanes: of carts
-    beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way [s].
+    """What a combine is about to do: a path, what it cuts of which pass, as driven and as planned, where its
+    segments end, and from which on; after: earliest times of segments [s]; lost: see `Scheduler.lost`; lanes:
+    of carts beside it, as far as they were looked for; least: way and what is lost, if nobody is in the way
+    [s].
     """
 
     path: Path
     task: Pass
     planned: Pass
+    marks: Array
     masses: Array
     density: Array
     strips: Any
@@ -299,7 +316,7 @@ class Scheduler:
         self.homes = {k.spec.name: run_of(k.spec.body, k.home, 0.0, WIDE) for k in self.carts}
         self.places = list(self.service_places())
         # of each combine along the passes that it may cut next, see `run_along`
-        self.runs: dict[str, dict[Pass, tuple[Path, Any, Array]]] = {}
+        self.runs: dict[str, dict[Pass, _Run]] = {}
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
         self.inner = list(along_passes(plan)) if self.carts else []
 
@@ -588,42 +605,45 @@ class Scheduler:
         return [c.time] if late <= c.time else [c.time, late]
 
     def begun(self, c: Combine, task: Pass) -> Pass:
-        """A pass that begins as much earlier as crop stands between a body and its header, which is raised
-        up to there.
+        """A pass that begins as much earlier as crop stands between a body and its header; behind that it
+        opens the way to it straight from ground without crop, where there is some near.
         """
         back, body = c.knife - c.body.own[0].front, c.body.own[0].left - c.body.own[0].right
-        u = math.cos(task.heading), math.sin(task.heading)
-        before = replace(task, start=(task.start[0] - back * u[0], task.start[1] - back * u[1]))
-        between = replace(before, end=task.start, width=body)
-        crop = self.ground.crop_on(between, np.array([strip_of(between)]))
-        return before if crop[0] > SLIVER else task
+        start = Place(*task.start, task.heading, task.heading)
+        far = np.arange(math.ceil(PLAN.opens_m / back) + 1) * -back
+        marks = [start.ahead(d)[:2] for d in far.tolist()]
+        between = [Pass(b, a, body, task.kind) for a, b in pairwise(marks)]
+        crop = self.ground.crop_on((c.name, between[0]), np.array([strip_of(p) for p in between]))
+        if crop[0] <= SLIVER:
+            return task
+        clear = np.flatnonzero((crop <= SLIVER) & (task.kind == HEADLAND))
+        return replace(task, start=marks[clear[0] if len(clear) else 1])
 
     def only_cut(self, c: CombineState, planned: Pass, task: Pass) -> _Leg | None:
         """A pass alone; None where a combine can do nothing on it."""
         runs = self.runs[c.spec.name]
         if task not in runs:
             runs[task] = self.run_along(c.spec, task)
-        cut, strips, density = runs[task]
+        cut, marks, strips, density = runs[task]
         if strips is None:
             return None
         masses = self.ground.crop_on((c.spec.name, task), strips) * density
-        length = task.length / len(strips)
-        cut = replace(cut, spent=length / np.array([c.spec.speed_in(kg / length) for kg in masses]))
-        leg = _Leg(cut, task, planned, masses, density, strips, 0)
-        leg.lost = self.lost(c, leg)
+        length = np.diff(marks)
+        speed = [c.spec.speed_in(kg) for kg in (masses / length).tolist()]
+        cut = replace(cut, spent=np.maximum(cut.spent, length / np.array(speed)))
+        leg = _Leg(cut, task, planned, marks, masses, density, strips, 0)
+        leg.lost = self.lost(c, leg) + (task.length - planned.length) / c.spec.speed
         return leg if math.isfinite(leg.lost) else None
 
-    def run_along(self, c: Combine, task: Pass) -> tuple[Path, Any, Array]:
-        """A combine's path along a pass, what its header goes over in each segment, polygons, and the grain
-        there [kg/m2]; no polygons where its body would be in a hole or off open ground.
-        """
-        place = Place(*task.start, task.heading, task.heading).ahead(-c.knife)
-        run = straight(place, task.length, c.body)
-        marks = np.linspace(0.0, task.length, max(1, math.ceil(task.length / PARAMS.cut_m)) + 1)
-        cut = segments(run, run.distance, c.body, "cut", marks)
+    def run_along(self, c: Combine, task: Pass) -> _Run:
+        """A pass as a combine drives it, as fast as its bends are driven."""
+        track = track_along(task, c)
+        marks = _marks(track)
+        cut = segments(track, track.distance, c.body, "cut", marks)
+        cut.spent = spent_along(track, c.drive, cut.first, cut.last)
         is_open = shapely_here().contains(self.ground.rough, cut.swept[:]).all()
-        strips = _strips(task, c.width, marks)
-        return cut, strips if is_open else None, self.ground.density(strips)
+        strips = strips_along(track, c.width, c.knife, marks)
+        return _Run(cut, marks, strips if is_open else None, self.ground.density(strips))
 
     def with_way(self, c: CombineState, cut: _Leg, time: float) -> _Leg | None:
         """A pass and the way to it, searched on ground that is cut by a time and driven as that is cut."""
@@ -669,8 +689,8 @@ class Scheduler:
     ) -> Track | None:
         """The same as a track."""
         name, body, drive, none = m.name, m.body, m.drive, driven(start, [(0.0, 1e-3)], m.body)
-        turned = math.sin(0.5 * (start.heading - goal.heading))
-        if math.dist(start[:2], goal[:2]) < 1e-6 and abs(turned) < 1e-9:
+        turned = abs(2.0 * math.sin(0.5 * (start.heading - goal.heading)))
+        if math.dist(start[:2], goal[:2]) < PARAMS.joins[0] and turned < PARAMS.joins[1]:
             return none
         shapes = [home for o, home in self.homes.items() if o != name]
         near: list[Any] = []
@@ -753,15 +773,17 @@ class Scheduler:
             if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
                 return
         path = leg.path.until(leg.first + count)
-        masses, density, strips = leg.masses[:count], leg.density[:count], leg.strips[:count]
-        part = replace(leg, path=path, masses=masses, density=density, strips=strips)
+        rest = leg.task.behind(*Place(*path.track.places[-1].tolist()).ahead(c.spec.knife)[:2])
+        if abs(math.sin(0.5 * (rest.heading - path.track.end.heading))) > PARAMS.joins[1]:
+            return  # in a bend
+        part = replace(
+            leg, path=path, marks=leg.marks[: count + 1], masses=leg.masses[:count],
+            density=leg.density[:count], strips=leg.strips[:count],
+        )  # fmt: skip
         meets = self.table.meets(path, c.spec.name)
         times = self.table.earliest(c.spec.name, path, c.time, meets=meets, after=leg.after)
         if times is None:
             return
-        share = count / len(leg.masses)
-        middle = tuple((1 - share) * a + share * b for a, b in zip(leg.task.start, leg.task.end, strict=True))
-        rest = Pass(middle, leg.task.end, leg.task.width, leg.task.kind, leg.task.land, leg.task.combine)  # type: ignore[arg-type]
         ends = times[-1] + float(path.spent[-1])
         option = Option("cut", "", ends, ends, 0.0, float(levels[count]), 0.0, 0.0, part.cuts)
         yield option, lambda: self.grant_cut(c, part, times, meets, rest)
@@ -835,20 +857,19 @@ class Scheduler:
         meets: who is met on the leg
         times: its first ones [s]
         """
-        ahead, left = beside(c.spec, k.spec)
         run = self.free_lane(c, k, leg)
         if run is None:
             return None
         first, last = run
         come, go = self.far(k, start.place, c.time)
-        end = Place(*leg.path.track.places[leg.path.last[leg.first + last - 1]].tolist())
-        if math.isinf(go(end.ahead(ahead, left))):
+        lane = self.lane(c, k, leg, first, last)
+        if math.isinf(go(lane.track.end)):
             return None
         trip = None
         apart = max(round(YARD.outer_m * len(leg.masses) / leg.task.length), 1)
         for join in range(first, last - 1, apart):
-            place = Place(*leg.path.track.places[leg.path.first[leg.first + join]].tolist())
-            goal, first = place.ahead(ahead, left), join
+            lane = lane if join == first else self.lane(c, k, leg, join, last)
+            goal, first = lane.track.start, join
             if math.isinf(come(goal)):
                 continue
             trip = self.sets_out(k, start, c, goal)
@@ -857,7 +878,6 @@ class Scheduler:
         if trip is None:
             return None
         to = len(trip.path)
-        lane = self.lane(k, leg, goal, first, last)
         after = trip.after | self.cut_by(lane, start.time, c.time, to)
         trip = replace(trip, path=trip.path.then(lane), after=after)
         begin = c.time
@@ -945,29 +965,46 @@ class Scheduler:
         return leg.lanes[k.spec.name]
 
     def _lane_beside(self, c: CombineState, k: CartState, leg: _Leg) -> tuple[int, int] | None:
-        shapely, body, gap = shapely_here(), k.spec.body, GAPS.lane_m
-        ahead, left = beside(c.spec, k.spec)
-        begin = leg.path.track.places[leg.path.first[leg.first :]]
-        ends = leg.path.track.places[leg.path.last[leg.first :]]
-        half = body.half_width + gap
-        u = np.array([math.cos(begin[0, 2]), math.sin(begin[0, 2])])
-        v = np.array([-u[1], u[0]])
-        a = begin[:, :2] + (ahead - body.length_behind - gap) * u + left * v
-        b = ends[:, :2] + (ahead + max(r.front for r in body.own) + gap) * u + left * v
-        boxes = shapely.polygons(np.stack([a - half * v, b - half * v, b + half * v, a + half * v], axis=1))
-        free = np.concatenate([[False], self.ground.is_free(boxes, c.time), [False]]).astype(int)
-        runs = np.flatnonzero(np.diff(free)).reshape(-1, 2).tolist()
-        first, last = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
-        return (first, last) if last - first > 1 else None
+        shapely, spec = shapely_here(), k.spec
+        whole = self.lane(c, k, leg, 0, len(leg.masses))
+        track, begin = whole.track, leg.path.first[leg.first]
+        (x, y, heading, trailer), (u, v, along, _) = track.places.T, leg.path.track.places[begin:].T
+        hitch, box = spec.body.hitch, spec.box_x - spec.body.hitch
+        ahead, left = c.spec.pipe_x, c.spec.pipe_y  # of the stream, which the box is off
+        x = (
+            x
+            + hitch * np.cos(heading)
+            + box * np.cos(trailer)
+            - u
+            - ahead * np.cos(along)
+            + left * np.sin(along)
+        )
+        y = (
+            y
+            + hitch * np.sin(heading)
+            + box * np.sin(trailer)
+            - v
+            - ahead * np.sin(along)
+            - left * np.cos(along)
+        )
+        is_off = np.hypot(x, y) > 2.0 * GAPS.off_m
+        is_off[:-1] |= np.abs(track.bends) * spec.drive.radius > 1.0
+        lane, cuts = whole.swept[:], leg.path.swept[leg.first :]
+        is_off = np.maximum.reduceat(is_off, whole.first) | is_off[whole.last]
+        is_off |= shapely.intersects(lane[:, :, None], cuts[:, None, :]).any(axis=(1, 2))
+        is_free = self.ground.is_free(lane.ravel(), c.time).reshape(lane.shape).all(axis=1) & ~is_off
+        ends = np.diff(np.concatenate([[0], is_free.astype(int), [0]]))
+        runs = np.flatnonzero(ends).reshape(-1, 2).tolist()
+        begins, over = max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+        return (begins, over) if over - begins > 1 else None
 
-    def lane(self, k: CartState, leg: _Leg, start: Place, first: int, last: int) -> Path:
-        """The cart's path beside a pass, in segments beside those of the pass."""
-        path = leg.path
-        at = path.track.distance[[*path.first[leg.first :], path.last[-1]]]
-        marks = at[first : last + 1] - at[first]
-        track = straight(start, float(marks[-1]), k.spec.body)
-        made = segments(track, track.distance, k.spec.body, "beside", marks)
-        made.spent = np.diff(marks) / k.spec.drive.straight
+    def lane(self, c: CombineState, k: CartState, leg: _Leg, first: int, last: int) -> Path:
+        """The cart's path beside segments of a pass, in line at first, in a segment beside each."""
+        path, body = leg.path, k.spec.body
+        at = [*path.first[leg.first + first : leg.first + last], path.last[leg.first + last - 1]]
+        track = abreast(path.track, *beside(c.spec, k.spec), body, int(at[0]), int(at[-1]))
+        made = segments(track, track.distance, body, "beside", track.distance[np.array(at) - at[0]])
+        made.spent = spent_along(track, k.spec.drive, made.first, made.last)
         return made
 
     def meets_there(
@@ -1303,9 +1340,12 @@ def _levels(c: CombineState, leg: _Leg) -> Array:
     return c.tank + np.concatenate([[0.0], np.cumsum(leg.masses)])
 
 
-def _strips(task: Pass, width: float, marks: Array) -> Any:
-    """What a header of a width goes over between marks along a pass, polygons."""
-    u = np.array([math.cos(task.heading), math.sin(task.heading)])
-    v = 0.5 * width * np.array([-u[1], u[0]])
-    at = np.array(task.start) + marks[:, None] * u
-    return shapely_here().polygons(np.stack([at[:-1] - v, at[1:] - v, at[1:] + v, at[:-1] + v], axis=1))
+def _marks(track: Track) -> Array:
+    """Where segments of a pass end [m]: shorter ones where it bends."""
+    count = max(1, math.ceil(track.length / PARAMS.cut_m - 1e-9))
+    fine = np.linspace(0.0, track.length, 3 * count + 1)
+    middle = 0.5 * (track.distance[1:] + track.distance[:-1])[np.abs(track.bends) > 1e-9]
+    bent = np.bincount((middle / track.length * count).astype(int), minlength=count)[:count] > 0
+    inner = np.repeat(bent, 3)
+    inner[::3] = True
+    return np.asarray(fine[np.concatenate([inner, [True]])])

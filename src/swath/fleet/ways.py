@@ -136,6 +136,26 @@ def _rolled(start: Place, k: Array, d: Array, body: Body) -> Track:
     return Track(np.column_stack([x, y, heading, trailer]), distance, np.where(d < 0.0, -1.0, 1.0), k)
 
 
+def abreast(track: Track, ahead: float, left: float, body: Body, first: int, last: int) -> Track:
+    """The way of who keeps so far ahead and to the left [m] of a machine between samples of its way, which
+    goes straight on behind its end; a trailer is in line at first.
+    """
+    begin = int(np.flatnonzero(track.ways[:first] < 0.0).max(initial=-1)) + 1
+    s = track.distance[first : last + 1] + ahead
+    x, y, heading = (np.interp(s, track.distance[begin:], column[begin:]) for column in track.places.T[:3])
+    over = s - np.clip(s, track.distance[begin], track.length)
+    x, y = (
+        x + over * np.cos(heading) - left * np.sin(heading),
+        y + over * np.sin(heading) + left * np.cos(heading),
+    )
+    step = np.maximum(np.hypot(np.diff(x), np.diff(y)), 1e-6)
+    bends = np.round(np.diff(heading) / step, 9) + 0.0
+    is_bent = body.has_trailer and bends.any()
+    trailer = _dragged(x, y, heading, float(heading[0]), body) if is_bent else heading
+    distance = np.concatenate([[0.0], np.cumsum(step)])
+    return Track(np.column_stack([x, y, heading, trailer]), distance, np.ones(len(step)), bends)
+
+
 def eased(start: Place, pieces: Sequence[tuple[float, float]], body: Body, ramp: float) -> Track | None:
     """The same with bends that grow and fade over a length [m], as steering takes time: each curvature is the
     mean over that length, up to where it stands; pieces are stretched a little so that it ends where they do.
@@ -328,6 +348,15 @@ def limits_along(track: Track, drive: Drive, top: float | None = None) -> Array:
     speed[1:-1] = np.minimum(speed[1:-1], np.maximum(drive.steering * over / changed, PARAMS.creep_m_s))
     speed[list(stops_along(track, drive))] = 0.0
     return speed
+
+
+def spent_along(track: Track, drive: Drive, first: Any, last: Any) -> Array:
+    """Least time between samples of a track that is not driven from a stop [s], (n,)."""
+    limit = limits_along(track, drive)
+    limit[[0, -1]] = drive.straight
+    slow = np.maximum(np.minimum(limit[:-1], limit[1:]), PARAMS.creep_m_s)
+    times = np.concatenate([[0.0], np.cumsum(np.diff(track.distance) / slow)])
+    return np.asarray(times[last] - times[first])
 
 
 def times_along(track: Track, drive: Drive, top: float | None = None) -> Array:

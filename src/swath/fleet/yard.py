@@ -215,11 +215,13 @@ def along_passes(plan: Plan) -> Iterator[Place]:
     """Places on headland passes, in both directions."""
     for p in plan.passes:
         if p.kind == HEADLAND:
+            line = shapely_here().LineString(p.line)
             count = max(1, int(p.length / (2.0 * PARAMS.outer_m)))
-            for share in (np.arange(count) + 0.5) / count:
-                x, y = ((1.0 - share) * a + share * b for a, b in zip(p.start, p.end, strict=True))
-                for h in (p.heading, p.heading + math.pi):
-                    yield Place(float(x), float(y), h, h)
+            for at in (np.arange(count) + 0.5) * p.length / count:
+                ((x, y), (u, v)) = (line.interpolate(at + d).coords[0] for d in (0.0, 0.1))
+                heading = math.atan2(v - y, u - x)
+                for h in (heading, heading + math.pi):
+                    yield Place(x, y, h, h)
 
 
 def _beside_field(ground: Ground) -> Iterator[Place]:
