@@ -5,6 +5,7 @@ from typing import Any
 
 from swath.terminal.options import option
 
+PLACE = "connect", 5  # among all commands
 SHELLS = ("bash", "zsh", "tcsh")
 
 

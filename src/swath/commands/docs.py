@@ -6,6 +6,7 @@ from typing import Any
 
 from swath.terminal.options import option
 
+PLACE = "start", 8  # among all commands
 NOT_PAGES = ("figures", "make", "static")
 
 

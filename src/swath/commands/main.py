@@ -11,60 +11,22 @@ from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.commands import (
-    completion,
-    docs,
-    levels,
-    metrics,
-    new,
-    report,
-    run,
-    scenarios,
-    schema,
-    sheets,
-    view,
-)
 from swath.core.collector import collect_rarely
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
 from swath.core.foreign_code import allow_code, code_in, texts_in
 from swath.core.processes import skip_folder_settings
-from swath.core.registry import installed, installed_part, user_line
+from swath.core.registry import OWN, installed, installed_part, user_line
 from swath.core.stopping import Terminated, raise_if_lost, stoppable
 from swath.core.temporary import sweep
-from swath.fleet import command as fleet
-from swath.link.can import command as can
-from swath.link.fmi import command as fmu
-from swath.link.osi import command as osi
-from swath.link.ros2 import command as ros2
 from swath.link.ros2.middleware import networked
 from swath.terminal.options import option
-from swath.tools.branch import command as branch
-from swath.tools.calibrate import command as calibrate
-from swath.tools.compare_log import command as compare
-from swath.tools.dataset import command as dataset
-from swath.tools.diff import command as diff
-from swath.tools.field_export import command as field
-from swath.tools.function_test import command as function_test
-from swath.tools.function_test.odd import command as odd
-from swath.tools.height_map import command as height_map
-from swath.tools.lab import command as lab
-from swath.tools.paper import command as paper
-from swath.tools.part import command as part
-from swath.tools.reda import command as reda
-from swath.tools.rerun import command as rerun
-from swath.tools.run_log import command as run_log
-from swath.tools.scan import command as scan
-from swath.tools.tune import command as tune
-from swath.tools.yield_log import command as yield_log
 
-COMMANDS = {
-    "start": (run, paper, scenarios, levels, metrics, sheets, new, scan, docs),
-    "look at a run, continue it, use its recording": (
-        *(view, report, diff, branch, rerun, part, yield_log, run_log),
-    ),
-    "use measured data": (field, height_map, calibrate, compare, lab),
-    "many runs, whole fields": (function_test, tune, odd, fleet, reda, dataset),
-    "connect and set up": (ros2, fmu, can, osi, schema, completion),
+GROUPS = {
+    "start": "start",
+    "look": "look at a run, continue it, use its recording",
+    "measured": "use measured data",
+    "many": "many runs, whole fields",
+    "connect": "connect and set up",
 }
 ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"
 ALLOW_ADDRESS = "open an address, bus or terminal that the files name, in the same words; several times"
@@ -199,11 +161,12 @@ def _dispatch(argv: list[str]) -> int:
         raise UsageError(f"{argv[0]}: no such command any more, {GONE[argv[0]]}")
     parser, names = make_parser(argv[0])
     if not argv[0].startswith("-") and argv[0] not in names:
-        import difflib
+        from swath.documents.validation import near_miss
 
-        near = difflib.get_close_matches(argv[0], names, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"expected one of {', '.join(names)}"
-        raise UsageError(f"{argv[0]}: no such command, {hint}")
+        hint = (
+            near_miss(argv[0], names) or f", expected one of {', '.join(names) or 'none: install swath anew'}"
+        )
+        raise UsageError(f"{argv[0]}: no such command{hint}")
     args = parser.parse_args(argv)
     with ExitStack() as held:
         named = [t for key, value in vars(args).items() if key != "cluster" for t in texts_named(value)]
@@ -221,27 +184,24 @@ def _dispatch(argv: list[str]) -> int:
 def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[str]]:
     """The parser of all command lines, and the names of the commands.
 
-    named: the first argument; installed packages are looked through where swath has no command of that name,
-    and the one that has it is loaded
+    named: the first argument: where it is a command, that one is loaded, else all of swath; all of them are
+    entry points, `command.NAME`
     """
     parser = _Parser(prog="swath", usage="swath COMMAND ...", formatter_class=_Help)
     parser.add_argument("-V", "--version", action="version", version=f"swath {__version__}")
     parsers: Any = parser.add_subparsers(prog="swath", metavar="COMMAND", required=True, action=_Commands)
-    shown = ["A simulator for harvest machines that act on what they sense."]
-    for group, modules in COMMANDS.items():
+    known, shown = installed("command"), ["A simulator for harvest machines that act on what they sense."]
+    wanted = [named] if named in known else [name for name, package in known.items() if package == OWN]
+    modules = [] if named in ("-V", "--version") else [installed_part("command", name) for name in wanted]
+    for group, title in {**GROUPS, "": "installed beside swath"}.items():
         first = len(parsers.lines)
-        for module in modules:
+        for module in sorted((m for m in modules if _place(m)[0] == group), key=_place):
             module.add(parsers)
-        shown.append("\n".join([f"{group}:", *parsers.lines[first:]]))
-    if named not in parsers.choices and named not in ("-V", "--version"):
-        first = len(parsers.lines)
-        for name, package in installed("command").items():
-            if name == named:
-                installed_part("command", name).add(parsers)
-            elif name not in parsers.choices:
+        for name, package in known.items():
+            if not group and package != OWN and name != named:
                 parsers.add_parser(name, help=f"of the installed package {package}")
         if parsers.lines[first:]:
-            shown.append("\n".join(["installed beside swath:", *parsers.lines[first:]]))
+            shown.append("\n".join([f"{title}:", *parsers.lines[first:]]))
     parser.description = "\n\n".join(
         [*shown, "swath COMMAND --help explains a command, swath docs lists the documentation."]
     )
@@ -250,7 +210,13 @@ def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[st
         option(each, "--allow-address ADDRESS", ALLOW_ADDRESS, action="append")
         each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2
     parser.set_defaults(parser=parser)
-    return parser, list(parsers.choices)
+    return parser, list(known)
+
+
+def _place(module: Any) -> tuple[str, int]:
+    """Group of a command and its place there."""
+    found: tuple[str, int] = getattr(module, "PLACE", ("", 0))
+    return found
 
 
 def subcommands(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -297,11 +263,10 @@ def _open_closed() -> None:
 
 def _name_unknown_settings() -> None:
     """A note on stderr for every variable of the environment that looks like a setting and is none."""
-    import difflib
-
     for name in sorted(n for n in os.environ if n.startswith("SWATH_") and n not in SETTINGS):
-        near = difflib.get_close_matches(name, SETTINGS, 1)
-        hint = f", did you mean {near[0]}?" if near else f"; there are {', '.join(SETTINGS)}"
+        from swath.documents.validation import near_miss
+
+        hint = near_miss(name, SETTINGS) or f"; there are {', '.join(SETTINGS)}"
         print(f"swath: {shortened(name, 80)} in the environment is no setting{hint}", file=sys.stderr)
 
 

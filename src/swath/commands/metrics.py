@@ -6,6 +6,8 @@ from typing import Any
 from swath.terminal.options import option
 from swath.terminal.tables import add_json, as_json, say, table
 
+PLACE = "start", 4  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

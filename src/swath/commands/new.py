@@ -7,6 +7,8 @@ from typing import Any
 
 from swath.terminal.options import option
 
+PLACE = "start", 6  # among all commands
+
 
 @dataclass(frozen=True)
 class Template:

@@ -18,6 +18,8 @@ from swath.terminal.options import (
     option,
 )
 
+PLACE = "start", 0  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

@@ -7,6 +7,8 @@ from typing import Any
 
 from swath.terminal.options import option
 
+PLACE = "connect", 4  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

@@ -8,6 +8,7 @@ from typing import Any
 from swath.terminal.options import option
 from swath.terminal.tables import add_json, as_json, say, table
 
+PLACE = "start", 5  # among all commands
 KINDS = ("sensors", "machines", "crops", "obstacles")
 
 

@@ -27,7 +27,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import USER_MODULE, is_left, load_python, refusal
 
-GROUP = "swath.levels"
+GROUP, OWN = "swath.levels", "swath"  # of entry points; the package whose own come first
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def installed(kind: str) -> dict[str, str]:
     package, which is not loaded for this.
     """
     points = [e for e in _entry_points() if e.name.startswith(f"{kind}.")]
-    return {e.name.partition(".")[2]: e.dist.name if e.dist else e.value for e in points}
+    return {e.name.partition(".")[2]: _package(e) for e in sorted(points, key=lambda e: _package(e) == OWN)}
 
 
 def installed_part(kind: str, name: str) -> Any:
@@ -207,15 +207,20 @@ def installed_part(kind: str, name: str) -> Any:
     InputError where two packages have that name.
     """
     found = [e for e in _entry_points() if e.name == f"{kind}.{name}"]
+    found = [e for e in found if _package(e) == OWN] or found
     if len(found) > 1:
-        packages = " and ".join(sorted(e.dist.name if e.dist else e.value for e in found))
+        packages = " and ".join(sorted(map(_package, found)))
         raise InputError(kind, name, f"expected one installed package with that name, {packages} have it")
     return found[0].load() if found else None
 
 
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist else point.value
+
+
 @cache
 def _entry_points() -> tuple[EntryPoint, ...]:
-    """What other installed packages have for swath."""
+    """What installed packages have for swath."""
     return tuple(entry_points(group=GROUP))
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.terminal.options import add_folder, add_sets
 
+PLACE = "many", 3  # among all commands
 FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
 LEVELS = {"events": "hours from the order at shared places alone", "driven": "bodies, too"}
 GONE = {  # levels of 0.2

@@ -5,6 +5,8 @@ from typing import Any
 
 from swath.terminal.options import add_sets, former, option
 
+PLACE = "connect", 2  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command and its parts."""

@@ -6,6 +6,8 @@ from typing import Any
 
 from swath import __version__
 
+PLACE = "connect", 1  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""

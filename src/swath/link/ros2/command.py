@@ -6,6 +6,8 @@ from typing import Any
 
 from swath.terminal.options import add_ros2_network, option
 
+PLACE = "connect", 0  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verb."""

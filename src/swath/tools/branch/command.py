@@ -7,6 +7,8 @@ from typing import Any
 
 from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets, option
 
+PLACE = "look", 3  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

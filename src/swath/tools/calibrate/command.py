@@ -7,6 +7,8 @@ from typing import Any
 from swath.terminal.options import option
 from swath.tools.calibrate.engine_command import add_engine
 
+PLACE = "measured", 2  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

@@ -7,6 +7,7 @@ from typing import Any
 from swath.terminal.options import add_folder, option
 from swath.tools.compare_scans import command as scans
 
+PLACE = "measured", 3  # among all commands
 FILES = ("results.json", "comparison.png", "report.html", "machine.yaml", "series.parquet")
 
 _DESCRIPTION = (

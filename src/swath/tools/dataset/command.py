@@ -6,6 +6,8 @@ from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
 
+PLACE = "many", 5  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

@@ -6,6 +6,8 @@ from typing import Any
 
 from swath.terminal.options import option
 
+PLACE = "look", 2  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

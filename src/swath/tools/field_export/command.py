@@ -7,6 +7,7 @@ from typing import Any
 from swath.field_io import command as field
 from swath.terminal.options import add_sets, load, option
 
+PLACE = "measured", 0  # among all commands
 MB = 1e6
 
 

@@ -17,6 +17,8 @@ from swath.terminal.tables import add_json
 from swath.tools.function_test import estimate_command, search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
+PLACE = "many", 0  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

@@ -6,6 +6,8 @@ from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, former, option
 
+PLACE = "measured", 4  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command and its verb."""

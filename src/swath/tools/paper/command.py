@@ -10,6 +10,7 @@ from typing import Any
 from swath.core.processes import start_module
 from swath.terminal.options import add_folder
 
+PLACE = "start", 1  # among all commands
 LEVELS = ("empirical", "plants")  # `replay` plays a recording; `heights` has all three
 CASES = ("broken-edge", "tight-curve", "low-density")
 FILES = ("index.html", "heights", "edge", *LEVELS, *CASES)

@@ -6,6 +6,7 @@ from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
 
+PLACE = "look", 5  # among all commands
 USUAL = "straight"
 
 

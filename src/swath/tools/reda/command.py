@@ -5,6 +5,7 @@ from typing import Any
 
 from swath.terminal.options import add_folder, former, option
 
+PLACE = "many", 4  # among all commands
 _DESCRIPTION = """A person on a grid of places before and behind a crop edge, seen by a LiDAR, two radars and
 a camera, for every combination of crop height, density and weather: maps of the share of looks that detect
 the person, three scores, and whether and why a sensor sees somebody 3 m inside the crop.

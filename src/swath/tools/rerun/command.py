@@ -6,6 +6,8 @@ from typing import Any
 
 from swath.terminal.options import add_replace, add_scenario_options, option
 
+PLACE = "look", 4  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""

@@ -8,6 +8,7 @@ from typing import Any
 from swath.terminal.options import add_folder, add_sets, option
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
+PLACE = "many", 1  # among all commands
 _DESCRIPTION = """Tune numbers and choices of a scenario in cases; the winner is judged by runs with other
 seeds and conditions. Limits of the cases are kept before an aim counts. Exit code 0 better, 1 worse, 3 no
 better than shipped, 4 better in the tuned cases only."""

@@ -6,6 +6,8 @@ from typing import Any
 from swath.terminal.options import option
 from swath.terminal.tables import add_json
 
+PLACE = "many", 2  # among all commands
+
 
 def add(parsers: Any) -> None:
     """Add the command."""
