@@ -303,10 +303,11 @@ def test_an_installed_package_is_loaded_only_where_it_is_named(tmp_path, monkeyp
     mark = tmp_path / "mark"
     (tmp_path / "swath_guest.py").write_text(CODE.format(mark=str(mark)))
     monkeypatch.syspath_prepend(str(tmp_path))
-    points = [
+    guests = [
         EntryPoint(f"{k}.guest", "swath_guest:Part", registry.GROUP) for k in ("speed", "lidar", "evaluator")
     ]
-    monkeypatch.setattr(registry, "_entry_points", lambda: tuple(points))
+    points = *registry._entry_points(), *guests
+    monkeypatch.setattr(registry, "_entry_points", lambda: points)
     (tmp_path / "s.yaml").write_text(PLAIN)
     for line in (
         ["levels"],
