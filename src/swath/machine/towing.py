@@ -13,9 +13,14 @@ from swath.core.frames import Pose
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, Trailer
 from swath.machine.tyre import GRAVITY
-from swath.signals import HeapState, MachineState, TrailerState
+from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState, TrailerState
 
 NAN = float("nan")
+DRIVEN = (  # what every level of motion takes
+    Port("steering", SteerState),
+    Port("speed", SpeedCommand),
+    Port("drive", EngineState, optional=True),
+)
 
 
 class Towed(KeepsState):

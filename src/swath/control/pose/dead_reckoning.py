@@ -6,10 +6,17 @@ from math import atan2, cos, isfinite, sin
 from typing import NamedTuple
 
 from swath.control.pose.standing import Standing
-from swath.core.component import KeepsState
+from swath.core.component import KeepsState, Port
 from swath.core.schedule import NS
-from swath.signals import Odometry
+from swath.signals import Fix, Inertial, Odometry, PoseEstimate
 
+# of every level of `pose`
+INPUTS = (
+    Port("fix", Fix),
+    Port("odometry", Odometry, history=True),
+    Port("inertial", Inertial, history=True, optional=True),
+)
+OUTPUTS = (Port("pose", PoseEstimate),)
 REACH = 3 * NS  # how far back it is remembered [ns]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB
-from swath.control.pose.dead_reckoning import DeadReckoning, wrapped
+from swath.control.pose.dead_reckoning import INPUTS, OUTPUTS, DeadReckoning, wrapped
 from swath.control.pose.kalman import (
     BIAS,
     EAST,
@@ -36,7 +36,7 @@ from swath.control.pose.kalman import (
 )  # fmt: skip
 from swath.control.pose.receiver import AntennaPlace, ChordHeading
 from swath.control.pose.standing import AT_ONCE, GroundVelocity, Standing
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -131,12 +131,7 @@ class EkfPose(KeepsState):
         "_chord",
     )
 
-    inputs = (
-        Port("fix", Fix),
-        Port("odometry", Odometry, history=True),
-        Port("inertial", Inertial, history=True, optional=True),
-    )
-    outputs = (Port("pose", PoseEstimate),)
+    inputs, outputs = INPUTS, OUTPUTS
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._p = params

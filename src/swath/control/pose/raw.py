@@ -13,14 +13,14 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.pose.dead_reckoning import DeadReckoning, Step, seen_from, wrapped
+from swath.control.pose.dead_reckoning import INPUTS, OUTPUTS, DeadReckoning, Step, seen_from, wrapped
 from swath.control.pose.receiver import AntennaPlace, ChordHeading
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
-from swath.signals import Fix, Inertial, Odometry, PoseEstimate
+from swath.signals import Fix, PoseEstimate
 from swath.signals.setup import ControlSetup
 
 NAN = float("nan")
@@ -46,12 +46,7 @@ class RawPose(KeepsState):
 
     kept = ("_reckoning", "_heading", "_course_count", "_fix", "_fix_way", "_then", "_tilt", "_chord")
 
-    inputs = (
-        Port("fix", Fix),
-        Port("odometry", Odometry, history=True),
-        Port("inertial", Inertial, history=True, optional=True),
-    )
-    outputs = (Port("pose", PoseEstimate),)
+    inputs, outputs = INPUTS, OUTPUTS
 
     def __init__(self, params: Params, setup: ControlSetup) -> None:
         self._p = params

@@ -22,10 +22,10 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.motion import TESTS
-from swath.machine.towing import ports_of, refuse_reverse, towed_by
+from swath.machine.towing import DRIVEN, ports_of, refuse_reverse, towed_by
 from swath.machine.traction import DrivenWheels, traction_of
 from swath.machine.tyre import GRAVITY, ROLLING_SPEED, axle_stiffness, creep_damping
-from swath.signals import EngineState, HeapState, MachineState, SpeedCommand, SteerState
+from swath.signals import HeapState, MachineState
 
 State = tuple[float, ...]  # x, y, yaw, lateral speed, yaw rate, trailer yaw, its rate, three slips
 
@@ -66,12 +66,7 @@ class Articulated(KeepsState):
     """Tractor and trailer. Lateral speed and yaw rate are those of the tractor's centre of gravity."""
 
     kept = ("_q", "_wheels", "_distance", "_towed", "_drawbar_pull")
-    inputs = (
-        Port("steering", SteerState),
-        Port("speed", SpeedCommand),
-        Port("drive", EngineState, optional=True),
-        Port("cargo", HeapState, optional=True),
-    )
+    inputs = (*DRIVEN, Port("cargo", HeapState, optional=True))
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         towed = towed_by(setup)

@@ -24,9 +24,9 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.motion import CHECKED
 from swath.machine.motion.on_ground import OnGround
-from swath.machine.towing import ports_of, towed_by
+from swath.machine.towing import DRIVEN, ports_of, towed_by
 from swath.machine.traction import Traction, across_of, traction_of
-from swath.signals import EngineState, HeapState, SpeedCommand, SteerState
+from swath.signals import HeapState
 from swath.signals.setup import MachineGeometry
 
 
@@ -40,12 +40,7 @@ class Params:
 class Kinematic(InWorlds):
     """A vehicle, its trailer behind it. The steering angle is held over a step."""
 
-    inputs = (
-        Port("steering", SteerState),
-        Port("speed", SpeedCommand),
-        Port("drive", EngineState, optional=True),
-        Port("cargo", HeapState, optional=True),
-    )
+    inputs = (*DRIVEN, Port("cargo", HeapState, optional=True))
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.machine, start = setup.machine, setup.start

@@ -28,8 +28,9 @@ from swath.machine.motion import CHECKED
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
 from swath.machine.soil import Brixius, Firm, Grip
+from swath.machine.towing import DRIVEN
 from swath.machine.tyre import GRAVITY, axle_stiffness
-from swath.signals import EngineState, HeaderState, MachineLoad, MachineState, SpeedCommand, SteerState
+from swath.signals import HeaderState, MachineLoad, MachineState
 
 LOOK = 0.01  # the ground under the wheels is read this often [s]
 DRIVE_FREQUENCY, DRIVE_DAMPING = 70.0, 0.4  # of a driven or locked wheel on oil and shafts [rad/s, ratio]
@@ -75,13 +76,7 @@ class Multibody(KeepsState):
 
     kept = ("wheels", "_grain", "_aim", "_parked", "_angles", "_header", "_distance", "_unseen")
 
-    inputs = (
-        Port("steering", SteerState),
-        Port("speed", SpeedCommand),
-        Port("drive", EngineState, optional=True),
-        Port("load", MachineLoad, optional=True),
-        Port("header", HeaderState, optional=True),
-    )
+    inputs = (*DRIVEN, Port("load", MachineLoad, optional=True), Port("header", HeaderState, optional=True))
     outputs = (Port("state", MachineState),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:

@@ -24,16 +24,13 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import MachineSheet, dynamics_of, loaded
 from swath.machine.motion import CHECKED
 from swath.machine.motion.on_ground import OnGround
-from swath.machine.towing import ports_of, towed_by
+from swath.machine.towing import DRIVEN, ports_of, towed_by
 from swath.machine.traction import Traction, check_wheel_slip, pull, traction_of, wheels_of
 from swath.machine.tyre import GRAVITY, axle_stiffness
 from swath.signals import (
     F64,
-    EngineState,
     HeapState,
     MachineLoad,
-    SpeedCommand,
-    SteerState,
     WheelState,
 )
 
@@ -70,13 +67,7 @@ class SingleTrack(InWorlds):
     steered axle is ahead of it; the equations are the same.
     """
 
-    inputs = (
-        Port("steering", SteerState),
-        Port("speed", SpeedCommand),
-        Port("drive", EngineState, optional=True),
-        Port("load", MachineLoad, optional=True),
-        Port("cargo", HeapState, optional=True),
-    )
+    inputs = (*DRIVEN, Port("load", MachineLoad, optional=True), Port("cargo", HeapState, optional=True))
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         d = dynamics_of(setup.machine)

@@ -1,13 +1,12 @@
-// Directions and random numbers of a packet of 16 beams: the body of a native function, after rays/single/vectors.cpp.
+// Directions and random numbers of a packet of 16 beams: the body of a native function, after rays/single/vectors.cpp and philox.cpp.
 //
 // Beam n of the scan at t draws the words 4 n to 4 n + 3 of the stream's generator `Stream.at(t)`, whatever else is drawn: block
-// n + 1 of Philox 4x64 (Salmon et al. 2011, doi:10.1145/2063384.2063405). The first two make two standard normal numbers (Box and
+// n + 1 of Philox. The first two make two standard normal numbers (Box and
 // Muller 1958, doi:10.1214/aoms/1177706645).
 // In: p, the packet; sweep (see `Aiming` in kernel.py); of the beams origins. Out, of the beams: directions (n, 3), normal (2, room) where they are drawn, flags: 1 where a number is not finite.
 
 const int count = beams.count;
 
-typedef unsigned long long W;
 const int start = p * N, room = beams.normal.shape[1];
 float u[2][N];
 for (int l = 0; l < N; ++l) u[0][l] = u[1][l] = 0.5f;
@@ -20,18 +19,10 @@ for (int l = 0; l < N && start + l < count; ++l) {
   for (int i = 0; i < 3; ++i) sum += d[i] = r[3 * i] * f[0] + r[3 * i + 1] * f[1] + r[3 * i + 2] * f[2];
   is_finite &= sum - sum == 0.0;
   if (!sweep.is_drawn) continue;
-  W c0 = (W)n + 1, c1 = 0, c2 = 0, c3 = sweep.words.data[2], k0 = sweep.words.data[0], k1 = sweep.words.data[1];
-  for (int round = 0; round < 10; ++round) {
-    const unsigned __int128 a = (unsigned __int128)0xD2E7470EE14C6C93ull * c0, b = (unsigned __int128)0xCA5A826395121157ull * c2;
-    c0 = (W)(b >> 64) ^ c1 ^ k0;
-    c1 = (W)b;
-    c2 = (W)(a >> 64) ^ c3 ^ k1;
-    c3 = (W)a;
-    k0 += 0x9E3779B97F4A7C15ull;
-    k1 += 0xBB67AE8584CAA73Bull;
-  }
-  u[0][l] = ((float)(c0 >> 40) + 0.5f) * 5.9604645e-8f;
-  u[1][l] = ((float)(c1 >> 40) + 0.5f) * 5.9604645e-8f;
+  W words[4];
+  philox((W)n + 1, sweep.words.data[2], sweep.words.data[0], sweep.words.data[1], words);
+  u[0][l] = ((float)(words[0] >> 40) + 0.5f) * 5.9604645e-8f;
+  u[1][l] = ((float)(words[1] >> 40) + 0.5f) * 5.9604645e-8f;
 }
 if (sweep.is_drawn) {
   const F far = root(-2.0f * log_of(load(u[0]))), turn = load(u[1]);

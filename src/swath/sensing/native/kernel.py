@@ -80,7 +80,7 @@ class Aiming:
     is_drawn: int
 
 
-@wp.func_native(vectors() + _source("aim"))
+@wp.func_native(vectors() + _source("philox") + _source("aim"))
 def aim_packet(p: int, sweep: Aiming, beams: Beams): ...
 
 

@@ -7,7 +7,10 @@ import warp as wp
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 
-@wp.func_native(Path(__file__).with_name("normals.cpp").read_text(encoding="utf-8"))
+_PARTS = (Path(__file__).with_name(f"{part}.cpp") for part in ("philox", "normals"))
+
+
+@wp.func_native("\n".join(part.read_text(encoding="utf-8") for part in _PARTS))
 def numpys_normals(
     keys: wp.array2d(dtype=wp.uint64),
     counter: wp.array(dtype=wp.uint64),

@@ -196,21 +196,39 @@ def fit_plants(
     stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count)
     silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
     standing = _scan_grid(stands, design, echo, stream, silhouette, progress)
-    table = SpreadTable(
-        standing.grid,
-        fit_stubble(crop, designs.stubble, echo, stream.child("stubble"), silhouette, progress=progress),
-        side=side_spread(stands, echo, stream.child("side"), silhouette, fine=FINE, lines=design.lines),
+    typical = {
+        "cosine": _cosine(crop, standing.seen),
+        "correlation": fit_correlation(standing.places, standing.seen),
+    }
+    table = table_of(standing.grid, stands, designs, echo, stream, silhouette, progress, **typical)
+    held_out = hold_out(table.standing, crop, design, echo, stream, is_cut=False)
+    return table, held_out + hold_out(
+        table.stubble, crop, designs.stubble, echo, stream.child("stubble"), is_cut=True
+    )
+
+
+def table_of(
+    standing: Spread,
+    stands: SampleStands,
+    designs: Designs,
+    echo: EchoSettings,
+    stream: Stream,
+    silhouette: F64,
+    progress: Progress | None,
+    **typical: Any,
+) -> SpreadTable:
+    """The table of a grid of standing crop; stubble, sides and overhang are those of the level `plants`."""
+    stubble, lines = stream.child("stubble"), designs.standing.lines
+    return SpreadTable(
+        standing,
+        fit_stubble(stands.crop, designs.stubble, echo, stubble, silhouette, progress=progress),
+        side=side_spread(stands, echo, stream.child("side"), silhouette, fine=FINE, lines=lines),
         silhouette=silhouette,
         view=VIEW,
         fine=FINE,
         aside=stands.overhang(stream.child("overhang")),
         aside_step=STEP,
-        cosine=_cosine(crop, standing.seen),
-        correlation=fit_correlation(standing.places, standing.seen),
-    )
-    held_out = hold_out(table.standing, crop, design, echo, stream, is_cut=False)
-    return table, held_out + hold_out(
-        table.stubble, crop, designs.stubble, echo, stream.child("stubble"), is_cut=True
+        **typical,
     )
 
 

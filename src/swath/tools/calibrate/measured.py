@@ -16,16 +16,14 @@ from swath.rays.spread import SpreadTable
 from swath.tools.calibrate.fit import (
     FINE,
     RELATIVE_MAX,
-    VIEW,
     Design,
+    Designs,
     HeldOut,
     Progress,
     compare_place,
-    fit_stubble,
     make_grid,
-    side_spread,
+    table_of,
 )
-from swath.tools.calibrate.overhang import STEP
 from swath.tools.calibrate.stand_scans import EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 
@@ -87,17 +85,8 @@ def fit_samples(
     filled = _filled(places, seen)
     stands = SampleStands(crop, stream, tile_count=16)
     silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
-    table = SpreadTable(
-        make_grid(stands, axes, places, filled, silhouette),
-        fit_stubble(crop, design, echo, stream.child("stubble"), silhouette, progress=progress),
-        side=side_spread(stands, echo, stream.child("side"), silhouette, fine=FINE, lines=design.lines),
-        silhouette=silhouette,
-        view=VIEW,
-        fine=FINE,
-        aside=stands.overhang(stream.child("overhang")),
-        aside_step=STEP,
-        **TYPICAL,
-    )
+    grid, designs = make_grid(stands, axes, places, filled, silhouette), Designs(design, design)
+    table = table_of(grid, stands, designs, echo, stream, silhouette, progress, **TYPICAL)
     held_out = []
     for c, place in enumerate(places):
         mine = (cell == c) & ~is_fit
