@@ -238,9 +238,9 @@ class Field:
         for x, y in starts:
             _check_place(x, y)
             _check_place(x + count * dx, y + count * dy)
-        places = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in starts]
         if self.profile is not None:
             return self.profile.standing_along(starts, step, count)
+        places = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in starts]
         crop = self._cutter.standing(places, (c * dx + s * dy) / cell, (c * dy - s * dx) / cell, count)
         if crop is None:  # some of the pages are not in memory
             middle, (x, y) = np.arange(count) + 0.5, np.array(starts).T[:, :, None]

@@ -6,6 +6,7 @@ field.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import atan, atan2, cos, degrees, inf, nan, pi, sin
 from typing import Any
 
@@ -42,6 +43,17 @@ class Where:
     heading: float
     crop: tuple[float, float]
 
+    @cached_property
+    def slopes(self) -> tuple[float, float]:
+        """Rise over run across BASE_M, ahead and to the right, in percent."""
+        x, y = self.place
+        ends = []
+        for aside in (0.0, -0.5 * pi):
+            c, s = 0.5 * BASE_M * cos(self.heading + aside), 0.5 * BASE_M * sin(self.heading + aside)
+            ends += [(x + c, y + s), (x - c, y - s)]
+        ahead, behind, right, left = self.field.ground_height(*np.array(ends).T).tolist()
+        return 100.0 * (ahead - behind) / BASE_M, 100.0 * (right - left) / BASE_M
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -56,14 +68,6 @@ class Quantity:
     at: Callable[[Where], float]
     touches: tuple[str, ...] = ()
     plain: tuple[float, float] = (-inf, inf)
-
-
-def _slope(where: Where, aside: float) -> float:
-    """Rise over run across BASE_M in a direction to the left of ahead [rad], in percent."""
-    x, y = where.place
-    c, s = 0.5 * BASE_M * cos(where.heading + aside), 0.5 * BASE_M * sin(where.heading + aside)
-    high, low = where.field.ground_height([x + c, x - c], [y + s, y - s])
-    return 100.0 * float(high - low) / BASE_M
 
 
 def _lean(where: Where) -> float:
@@ -124,9 +128,9 @@ QUANTITIES: Mapping[str, Quantity] = {
     "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: 3.6 * w.state.speed,
                                  (*MOVED, "header", "process", "gnss", "unload", "radar"), (-1.0, 14.4)),
     "slope_across_percent": Quantity("%", "rise of the ground to the right of the machine, over 6 m",
-                                     lambda w: _slope(w, -0.5 * pi), (*MOVED, "process"), (-12.0, 12.0)),
+                                     lambda w: w.slopes[1], (*MOVED, "process"), (-12.0, 12.0)),
     "slope_along_percent": Quantity("%", "rise of the ground ahead of the machine, over 6 m",
-                                    lambda w: _slope(w, 0.0), (*MOVED, "process"), (-12.0, 12.0)),
+                                    lambda w: w.slopes[0], (*MOVED, "process"), (-12.0, 12.0)),
     "stems_per_m2": Quantity("1/m2", "sown density of the stand beside the edge",
                              lambda w: float(w.field.stand.density(*w.crop)), CROP, (200.0, 600.0)),
     "crop_height_m": Quantity("m", "usual height of the upright stand beside the edge",
