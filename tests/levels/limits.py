@@ -94,7 +94,12 @@ LIMITS = {
     },
     "threshing": {"ideal": Limit("exact", 0.0), "model": Limit("equal to the closed forms", EXACT)},
     "separation": {"ideal": Limit("exact", 0.0), "model": Limit("equal to the closed forms", 1e-9)},
-    "cleaning": {"ideal": Limit("exact", 0.0), "overload": Limit("equal to the closed forms", EXACT)},
+    "cleaning": {
+        "ideal": Limit("exact", 0.0),
+        "overload": Limit("equal to the closed forms", EXACT),
+        "model": Limit("equal to its formula", EXACT),
+    },
+    "settings": {"fixed": Limit("exact", EXACT), "table": Limit("exact", EXACT)},
     # of the delay [s]
     "returns": {"ideal": Limit("exact", EXACT), "model": Limit("delay exact to rounding", EXACT)},
     "powertrain": {

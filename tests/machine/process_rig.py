@@ -30,6 +30,7 @@ class Row(ThreshingProcess):
 
     def __init__(self, setup, levels=(), keys=(), **params):
         super().__init__(Params(**params), setup)
+        self.settings = None
         self._organs = {n: self._made_of(n, dict(levels), dict(keys), setup) for n in self._organs}
 
     @staticmethod
@@ -39,6 +40,10 @@ class Row(ThreshingProcess):
             return level
         found = CATALOGUE.registry.get(slot, level)
         return found.component(found.params and found.params(**keys.get(slot, {})), setup)
+
+    def step(self, t, dt, inputs):
+        self._sent["settings", "settings"] = self.settings
+        return super().step(t, dt, inputs)
 
 
 class Rig:

@@ -26,7 +26,9 @@ def beat(x):
 def test_organs_are_what_the_one_part_is():
     """Every number of the load and of the engine, at each step, on a slope and with the tank emptied."""
     keys = {"straw": "chop", "tank_start_percent": 79.0, "unload_at_percent": 80.0}
-    one, row = Rig(crop=beat, **keys), Rig(crop=beat, process=Row(site(period=0.1), **keys))
+    today = {"threshing": {"ears_through_percent": 0.0}, "separation": {"short_percent": 0.0}}
+    row = Row(site(period=0.1), {"cleaning": "overload"}, today, **keys)
+    one, row = Rig(crop=beat, **keys), Rig(crop=beat, process=row)
     for rig in (one, row):
         rig.run(2.0, 20.0)
         rig.run(3.0, 20.0, roll=0.1, pitch=-0.05)

@@ -16,6 +16,7 @@ from swath.documents.sheet_fields import Quantity, Section
 from swath.documents.validation import near_miss
 from swath.machine.drivetrain_sheet import Drivetrain, check_drivetrain
 from swath.scenario.machine_types import MACHINE_TYPES
+from swath.signals.settings import Works
 from swath.signals.setup import Hitch, MachineGeometry, OpenBox, Pipe
 
 
@@ -207,6 +208,19 @@ class Spout:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Set:
+    """Settings for wheat, as `signals.settings.Works`."""
+
+    radius: Annotated[float, Quantity("m", 0.05, 2, key="drum_radius")]
+    drum: Annotated[float, Quantity("rpm", 50, 3000)]
+    concave: Annotated[float, Quantity("mm", 1, 100)]
+    fan: Annotated[float, Quantity("rpm", 50, 5000)]
+    upper: Annotated[float, Quantity("mm", 1, 60, key="upper_sieve")]
+    lower: Annotated[float, Quantity("mm", 1, 60, key="lower_sieve")]
+    vane: Annotated[float, Quantity("deg", 1, 80)]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Sections:
     """What stands in a machine's data sheet, section by section."""
 
@@ -224,6 +238,7 @@ class Sections:
     trailer: Annotated[Trailer | None, Section("trailer.", when="trailer")]
     box: Annotated[Box | None, Section("box.", when="box")]
     pipe: Annotated[Spout | None, Section("pipe.", when="pipe")]
+    works: Annotated[Set | None, Section("settings.", when="settings")]
 
 
 @dataclass(frozen=True)
@@ -315,6 +330,7 @@ def read_machine(sheet: Sheet) -> MachineSheet:
         hitch=None if s.trailer is None else Hitch(s.trailer.hitch_x, s.trailer.drawbar),
         box=None if s.box is None else OpenBox(**vars(s.box)),
         pipe=None if s.pipe is None else Pipe(**vars(s.pipe)),
+        works=Works() if s.works is None else Works(**vars(s.works)),
     )
 
 

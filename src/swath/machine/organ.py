@@ -16,11 +16,13 @@ from swath.core.signal import Signal
 from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.transport import Conveyor, Masses, Mixer
-from swath.signals import CropFlow, CropStream, EngineState, OrganWork
+from swath.signals import CropFlow, CropStream, EngineState, OrganSettings, OrganWork
 from swath.signals.flat import amounts
+from swath.signals.settings import CROPS, own_settings
 
 S = TypeVar("S", bound=Signal)
 ENGINE = Port("engine", EngineState, optional=True)
+SETTINGS = Port("settings", OrganSettings, optional=True)
 JOINED = 0.02  # transports join what entered within this time [s], or this share of their length
 SHARED = ("unthreshed", "free", "broken", "straw", "short", "chaff")  # fields of what is in transport
 OF_STREAM = attrgetter(*SHARED)
@@ -68,6 +70,33 @@ def added(samples: Sequence[S]) -> S:
         return newest
     sums = {name: fsum(getattr(s, name) for s in samples) for name in amounts(type(newest))}
     return changed(newest, **sums)
+
+
+class Setting(KeepsState):
+    """What an organ's actuators have come to, and what the manual has for the crop in the field.
+
+    names: of `OrganSettings`; rates: how fast each moves, in SI per second; own: the manual's values
+    """
+
+    kept = ("_now",)
+
+    def __init__(self, setup: SiteSetup, **rates: float) -> None:
+        self._works, self._crop, self._rates = setup.machine.works, str(setup.field.stand.crop), rates
+        self.own = own_settings(self._works, self._crop)
+        self.crop = CROPS.get(self._crop, CROPS["wheat"])
+        self._now: dict[str, float] | None = None
+
+    def clear(self) -> None:
+        """They begin where they are first wanted."""
+        self._now = None
+
+    def over_own(self, inputs: Inputs, h: float) -> dict[str, float]:
+        """Every setting over the manual's after h [s] towards what `settings` wants."""
+        wanted = own_settings(self._works, self._crop, inputs.get("settings"))
+        now = wanted if self._now is None else self._now
+        steps = {name: rate * h for name, rate in self._rates.items()}
+        self._now = {n: now[n] + min(max(wanted[n] - now[n], -step), step) for n, step in steps.items()}
+        return {name: value / self.own[name] for name, value in self._now.items()}
 
 
 class Organ(KeepsState):

@@ -51,3 +51,4 @@ from swath.signals.positioning import PoseEstimate as PoseEstimate
 from swath.signals.scan import Scan as Scan
 from swath.signals.scan import ScanTruth as ScanTruth
 from swath.signals.scan import beam_directions as beam_directions
+from swath.signals.settings import OrganSettings as OrganSettings

@@ -61,3 +61,12 @@ class OrganLoads(Signal):
     tank_mog: Annotated[
         float, Quantity("kg", "material other than grain that came into the tank", column="tank_mog_kg")
     ] = 0.0
+    tank_broken: Annotated[
+        float, Quantity("kg", "broken grain that came into the tank", column="tank_broken_kg")
+    ] = 0.0
+    broken_share: Annotated[
+        float, Quantity("", "broken, of the grain to the tank now", column="broken_share", span=SHARE)
+    ] = 0.0
+    mog_share: Annotated[
+        float, Quantity("", "other material over grain to the tank now", column="mog_share", span=SHARE)
+    ] = 0.0

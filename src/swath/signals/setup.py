@@ -8,6 +8,7 @@ from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.signals.arrays import F64
+from swath.signals.settings import Works
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class MachineGeometry:
     header_height: of its body above the knife [m]; header_depth: of its body behind the knife [m]
     body: rear end x, front end x, half width, bottom z, top z of the chassis box [m]
     hitch, box, pipe: what it tows, pours grain into and out of, None where it has none
+    works: what its organs are set to in wheat
     """
 
     wheelbase: float
@@ -88,6 +90,7 @@ class MachineGeometry:
     hitch: Hitch | None = field(default=None, kw_only=True)
     box: OpenBox | None = field(default=None, kw_only=True)
     pipe: Pipe | None = field(default=None, kw_only=True)
+    works: Works = field(default=Works(), kw_only=True)
 
     @property
     def has_header(self) -> bool:

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import fsum, hypot
+from typing import Any, ClassVar
 
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.registry import Level
@@ -34,21 +35,24 @@ class Shares:
     """What becomes of what leaves the shoe.
 
     lost: of the grain, over the rear
-    back: of the rest, and of other material, to the returns
+    back: of the rest, and of other material, to the returns; of grain in the ear all
+    mog: other material in the tank, over its grain
     """
 
     lost: float
     back: float
+    mog: float = 0.0
 
 
 class Shoe(Organ):
     """Return pan and sieves; some grain goes over the rear with the chaff, some back to the drum."""
 
-    kept = ("_shoe",)
-    inputs = (crop("pan"), crop("more"), Port("state", MachineState), ENGINE)
+    kept: ClassVar[tuple[str, ...]] = ("_shoe",)
+    _effort = 1.0  # power over that of the data sheet
+    inputs: tuple[Port, ...] = (crop("pan"), crop("more"), Port("state", MachineState), ENGINE)
     outputs = given("clean", "returned", "over")
 
-    def __init__(self, params: None, setup: SiteSetup) -> None:
+    def __init__(self, params: Any, setup: SiteSetup) -> None:
         drivetrain = drivetrain_of(setup.machine)
         self._c, self._power = drivetrain.cleaning, drivetrain.consumers.cleaning
         self._shoe = Conveyor(self._length(setup), len(SHARED), joined=JOINED)
@@ -65,20 +69,26 @@ class Shoe(Organ):
         h, came = dt / NS, (*inputs["pan"], *inputs["more"])
         ear, free, broken, straw, short, chaff = self._shoe.advance(masses(came), h * ratio_of(inputs))
         grain, mog = ear + free, straw + short + chaff
-        s = self._shares(grain, (grain + mog) / h, inputs["state"])
+        s = self._shares((grain + mog) / h, mog / h, h, inputs)
         if grain <= 0.0:
             s = Shares(0.0, s.back)
+        power = self._power * self._effort
         end, wet = t + dt, moisture(came)
-        lost = [m * s.lost for m in (ear, free, broken)]
-        back = [(m - n) * s.back for m, n in zip((ear, free, broken), lost, strict=True)]
+        heavy = free, broken
+        lost = [m * s.lost for m in heavy]
+        back = [(m - n) * s.back for m, n in zip(heavy, lost, strict=True)]
+        rest = [m - n - b for m, n, b in zip(heavy, lost, back, strict=True)]
         light = [m * s.back for m in (straw, short, chaff)]
-        rest = [m - n - b for m, n, b in zip((ear, free, broken), lost, back, strict=True)]
         over = [m - b for m, b in zip((straw, short, chaff), light, strict=True)]
-        work = self.work(end, h, grain, mog, power=self._power, loss_share=s.lost)
+        light_over = fsum(over)
+        part = min(s.mog * rest[0] / light_over, 0.5) if light_over > 0.0 else 0.0
+        dirt = [m * part for m in over]
+        over = [m - d for m, d in zip(over, dirt, strict=True)]
+        work = self.work(end, h, grain, mog, power=power, loss_share=s.lost)
         return {
-            "clean": sent(end, h, [*rest, 0.0, 0.0, 0.0], wet),
-            "returned": sent(end, h, [*back, *light], wet),
-            "over": sent(end, h, [*lost, *over], wet),
+            "clean": sent(end, h, [0.0, *rest, *dirt], wet),
+            "returned": sent(end, h, [ear, *back, *light], wet),
+            "over": sent(end, h, [0.0, *lost, *over], wet),
             "work": work,
         }
 
@@ -86,9 +96,9 @@ class Shoe(Organ):
         """Grain and other material on it [kg]."""
         return [in_transport(self._shoe)]
 
-    def _shares(self, grain: float, flow: float, state: MachineState) -> Shares:
-        """At a flow on the sieves [kg/s]."""
-        load = shoe_load(flow, self._c, state)
+    def _shares(self, flow: float, mog: float, h: float, inputs: Inputs) -> Shares:
+        """At a flow of all and of what is not grain on the sieves [kg/s], h [s] later."""
+        load = shoe_load(flow, self._c, inputs["state"])
         return Shares(shoe_loss(load, self._c), min(self._c.returns * load, RETURNS_MAX))
 
 
@@ -98,7 +108,7 @@ class IdealShoe(Shoe):
     def _length(self, setup: SiteSetup) -> float:
         return 0.0
 
-    def _shares(self, grain: float, flow: float, state: MachineState) -> Shares:
+    def _shares(self, flow: float, mog: float, h: float, inputs: Inputs) -> Shares:
         return Shares(0.0, 0.0)
 
 

@@ -29,7 +29,7 @@ from swath.scenario.machine_types import ORGANS
 from swath.signals import CropFlow, CropStream, MachineLoad, MachineState, OrganLoads, OrganWork, UnloadState
 
 STREAMS = ("straw", "chaff", "clean", "returned")
-TOTALS = ("tank", "mog", "lost", "straw", "unloaded")
+TOTALS = ("tank", "mog", "broken", "lost", "straw", "unloaded")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Organs(KeepsState):
     """Adds up what the organs did, fills the tank and lays the straw."""
 
     kept: ClassVar[tuple[str, ...]] = (
-        *("_elevator", "_lift", "_totals", "_tank_start", "_is_unloading", "_outlet"),
+        *("_elevator", "_lift", "_totals", "_tank_start", "_is_unloading", "_outlet", "_quality"),
     )
     steps_any_length = True
 
@@ -83,7 +83,7 @@ class Organs(KeepsState):
         self._outlet = StrawOutlet(setup.field, rear, width, step, ridge=is_swath)
         self._pipe = UnloadingPipe(setup)
         self._tank_start = w.tank * p.tank_start_percent * PERCENT
-        self._elevator, self._lift = Conveyor(1.0, 2, joined=JOINED / 2), Mixer(2)
+        self._elevator, self._lift = Conveyor(1.0, 3, joined=JOINED / 2), Mixer(3)
 
     def reset(self, stream: Stream) -> Outputs:
         """Empty, but for the tank's start."""
@@ -91,6 +91,7 @@ class Organs(KeepsState):
         self._lift.clear()
         self._totals = {name: Total() for name in TOTALS}
         self._is_unloading = False
+        self._quality = [0.0, 0.0]
         self._outlet.reset()
         at_rest = {name: OrganWork(0, power=self._empty.get(name, 0.0)) for name in ORGANS}
         return self._sample(0, 1.0, at_rest, CropStream(0), {})
@@ -100,13 +101,15 @@ class Organs(KeepsState):
         h, ratio, totals = dt / NS, ratio_of(inputs), self._totals
         works = {name: added(inputs[name]) for name in ORGANS}
         over, light, clean, back = (added(inputs[name]) for name in STREAMS)
-        tank, mog = self._lifted([clean.grain, clean.mog], h, ratio)
+        tank, mog, broken = self._lifted([clean.grain, clean.mog, clean.broken], h, ratio)
         unload: UnloadState | None = inputs.get("unload")
         drawn = self._draw(h, ratio, unload)
         over_rim = float(self._drivetrain.bulk.over_rim(self._content(), tank))
         straw, losses = over.mog + light.mog, (over.unthreshed, over.free, light.grain)
         totals["tank"].add(tank - over_rim)
         totals["mog"].add(mog)
+        totals["broken"].add(broken)
+        self._quality = [broken / tank, mog / tank] if tank > 0.0 else [0.0, 0.0]
         for loss in (*losses, over_rim):
             totals["lost"].add(loss)
         totals["straw"].add(straw)
@@ -129,7 +132,7 @@ class Organs(KeepsState):
         return self._sample(t + dt, h, works, back, flows)
 
     def _lifted(self, clean: Masses, h: float, ratio: float) -> Masses:
-        """Grain and other material [kg] at the top of the elevator."""
+        """Grain, other material and broken grain [kg] at the top of the elevator."""
         t = self._drivetrain.transport
         delay = flow_delay(self._elevator.held()[0] + clean[0], t.elevator, t.grain_feed, t.exponent)
         return self._lift.advance(self._elevator.advance(clean, h * ratio / delay), h, t.elevator_lag)
@@ -195,6 +198,9 @@ class Organs(KeepsState):
             separation_power=powers["separation"],
             cleaning_power=powers["cleaning"] + powers["returns"],
             tank_mog=self._totals["mog"].value,
+            tank_broken=self._totals["broken"].value,
+            broken_share=self._quality[0],
+            mog_share=self._quality[1],
         )
         return {"organs": loads}
 

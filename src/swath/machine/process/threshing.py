@@ -14,6 +14,7 @@ from swath.machine.feeder.model import Params as FeederParams
 from swath.machine.organ import Organ
 from swath.machine.process import organs
 from swath.machine.returns.model import Returns
+from swath.machine.separation.model import Params as RotorParams
 from swath.machine.separation.model import Rotors
 from swath.machine.threshing.model import Drum, Threshability
 from swath.machine.threshing.model import Params as DrumParams
@@ -44,12 +45,12 @@ class ThreshingProcess(organs.Organs):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
-        drum = DrumParams(params.threshability)
+        drum = DrumParams(params.threshability, ears_through_percent=0.0)
         self._organs: dict[str, Organ] = {  # in the order of their slots
             "returns": Returns(None, setup),
             "feeder": Feeder(FeederParams(), setup),
             "threshing": Drum(drum, setup),
-            "separation": Rotors(drum, setup),
+            "separation": Rotors(RotorParams(params.threshability, short_percent=0.0), setup),
             "cleaning": Shoe(None, setup),
         }
 
@@ -73,7 +74,7 @@ class ThreshingProcess(organs.Organs):
     def _taken(self, slot: str, ports: Sequence[Port]) -> dict[str, Any]:
         """What the wires of a slot bring to its ports."""
         wires = WIRES[slot]
-        return {port.name: self._sent[wires[port.name]] for port in ports}
+        return {port.name: self._sent.get(wires[port.name]) for port in ports}
 
     def _held(self, works: Mapping[str, OrganWork]) -> Sequence[Sequence[float]]:
         return [part for organ in self._organs.values() for part in organ.held()]

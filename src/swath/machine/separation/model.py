@@ -4,19 +4,36 @@ The laws are those of the drum (`threshing.model`), parcel by parcel; docs/expla
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.units import DEG, MM, PERCENT, RPM
 from swath.field.site_setup import SiteSetup
 from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.organ import ENGINE, Organ, added, crop, given, masses, moisture, ratio_of
-from swath.machine.threshing.model import Params
-from swath.signals import CropStream, OrganWork
+from swath.machine.organ import (
+    ENGINE,
+    SETTINGS,
+    Organ,
+    Setting,
+    added,
+    crop,
+    given,
+    masses,
+    moisture,
+    ratio_of,
+    sent,
+)
+from swath.machine.threshing.model import Params as DrumParams
+from swath.machine.threshing.model import Power, rate_factors
+from swath.signals import OrganWork
 
 Array = NDArray[np.float64]
 FRONT, WIDTH, EAR, FREE, STRAW, FED, SCALE = range(
@@ -35,8 +52,6 @@ class Rotor(KeepsState):
     kept = ("_parcels",)
 
     def __init__(self, threshing: float, separation: float, exponent: float, passage: float) -> None:
-        if abs(separation - threshing) < 1e-6 * threshing:
-            separation = threshing * (1.0 + 1e-6)  # two rates that are never equal need no limit
         self._rates, self._exponent, self._passage = (threshing, separation), exponent, passage
         self.clear()
 
@@ -52,14 +67,17 @@ class Rotor(KeepsState):
         dt: float,
         ratio: float,
         threshability: float,
+        factors: tuple[float, float] = (1.0, 1.0),
+        pace: float = 1.0,
     ) -> tuple[float, list[float]]:
         """Take in a step's crop [kg] and move everything on by dt [s].
 
         crop: grain in the ear, free grain, straw, and the grain it had before the drum [kg]
         layer: thickness of what enters, 1 = nominal; ratio: rotor speed over nominal; threshability: factor
-        on both rates. Returns the grain separated [kg] and what leaves [kg], four as `crop`
+        on both rates; factors: on threshing and on separation besides; pace: how much sooner crop leaves.
+        Returns the grain separated [kg] and what leaves [kg], four as `crop`
         """
-        path = dt * ratio / self._passage
+        path = dt * ratio / self._passage * pace
         if any(crop):
             scale = max(layer, 1e-3) ** -self._exponent
             new = np.array([[0.0], [path], *([m] for m in crop), [scale]])
@@ -69,7 +87,9 @@ class Rotor(KeepsState):
             return 0.0, [0.0] * 4
         front = p[FRONT] + path
         done = (np.minimum(front, 1.0) - p[FRONT]) * p[SCALE]
-        threshing, separation = self._rates
+        threshing, separation = (rate * f for rate, f in zip(self._rates, factors, strict=True))
+        if abs(separation - threshing) < 1e-6 * threshing:
+            separation = threshing * (1.0 + 1e-6)  # two rates that are never equal need no limit
         still, kept = portable.exp(
             done * np.array([[-threshability * threshing], [-threshability * separation]])
         )
@@ -105,17 +125,35 @@ class Rotor(KeepsState):
         return result
 
 
+@dataclass(frozen=True)
+class Params(DrumParams):
+    """Rotors: as the drum, at the same relative speed and clearance.
+
+    short_percent: of the straw that comes in, falls through as short straw at the manual's settings
+    vane_power: steeper vanes carry the straw out sooner; short straw, breakage and power go with the time in
+        the rotor to this power, an estimate
+    vane_deg_s: how fast the vanes are set
+    """
+
+    short_percent: Annotated[float, Ge(0), Le(50)] = 2.0
+    vane_power: Power = 0.5
+    vane_deg_s: Annotated[float, Gt(0), Le(1e3)] = 1.0
+
+
 class Rotors(Organ):
     """The layer in them is that of the drum: `drum` is its work."""
 
-    kept = ("_rotor", "_loss_share")
-    inputs = (crop("fed"), Port("drum", OrganWork, history=True), ENGINE)
+    kept = ("_rotor", "_loss_share", "_broken", "_set")
+    inputs = (crop("fed"), Port("drum", OrganWork, history=True), ENGINE, SETTINGS)
     outputs = given("over", "through")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        drivetrain = drivetrain_of(setup.machine)
+        drivetrain, p = drivetrain_of(setup.machine), params
         d = self._d = drivetrain.threshing
-        self._threshability, self._work = params.threshability, drivetrain.consumers.separation_work
+        self._p, self._work = p, drivetrain.consumers.separation_work
+        self._set = Setting(
+            setup, drum=p.speed_rpm_s * RPM, concave=p.opening_mm_s * MM, vane=p.vane_deg_s * DEG
+        )
         self._rotor = Rotor(
             d.rotor_threshing, d.rotor_separation, d.rotor_exponent, drivetrain.transport.rotor
         )
@@ -123,24 +161,41 @@ class Rotors(Organ):
     def start(self) -> None:
         """Empty it."""
         self._rotor.clear()
-        self._loss_share = 0.0
+        self._set.clear()
+        self._loss_share = self._broken = 0.0
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Separate for dt."""
-        h, ratio, came = dt / NS, ratio_of(inputs), inputs["fed"]
+        h, ratio, came, p = dt / NS, ratio_of(inputs), inputs["fed"], self._p
+        s, wet = self._set.over_own(inputs, h), moisture(came)
+        v, c, pace = s["drum"], 1.0 / s["concave"], s["vane"]
         drum, entering = added(inputs["drum"]), added(came)
         layer = drum.mog / h / self._d.straw / max(ratio, 0.05)
-        fed = (entering.unthreshed, entering.free, entering.mog, drum.grain)
-        threshability = self._threshability * ratio
-        through, out = self._rotor.advance(fed, layer=layer, dt=h, ratio=ratio, threshability=threshability)
+        late = pace**-p.vane_power
+        short = entering.mog * min(
+            p.short_percent * PERCENT * (v**p.short_speed * c**p.short_clearance * late), 1.0
+        )
+        fed = (entering.unthreshed, entering.free, entering.mog - short, drum.grain)
+        threshing, separation = rate_factors(p, v, c, wet["straw_moisture"])
+        through, out = self._rotor.advance(
+            fed,
+            layer=layer,
+            dt=h,
+            ratio=ratio,
+            threshability=p.threshability * ratio,
+            factors=(threshing / pace, separation / pace),
+            pace=pace,
+        )
         unthreshed, lost, dropped, leaving = out
         if leaving > 0.0:
             self._loss_share = (unthreshed + lost) / leaving
-        wet = moisture(came)
-        power = self._work * (drum.mog / h)
+        if entering.free > 0.0:
+            self._broken = entering.broken / entering.free
+        broken = min(self._broken * late, 1.0)
+        power = self._work * (drum.mog / h) * v * late
         return {
-            "over": CropStream(t + dt, unthreshed, lost, straw=dropped, dt=h, **wet),
-            "through": CropStream(t + dt, free=through, dt=h, **wet),
+            "over": sent(t + dt, h, [unthreshed, lost, lost * broken, dropped, 0.0, 0.0], wet),
+            "through": sent(t + dt, h, [0.0, through, through * broken, 0.0, short, 0.0], wet),
             "work": self.work(t + dt, h, drum.grain, drum.mog, power=power, loss_share=self._loss_share),
         }
 
@@ -165,8 +220,8 @@ class IdealSeparation(Organ):
         wet = moisture(came)
         mog = straw + short + chaff
         return {
-            "over": CropStream(t + dt, straw=straw, short=short, chaff=chaff, dt=h, **wet),
-            "through": CropStream(t + dt, free=ear + free, broken=broken, dt=h, **wet),
+            "over": sent(t + dt, h, [0.0, 0.0, 0.0, straw, short, chaff], wet),
+            "through": sent(t + dt, h, [0.0, ear + free, broken, 0.0, 0.0, 0.0], wet),
             "work": self.work(t + dt, h, ear + free, mog, power=self._work * (mog / h)),
         }
 

@@ -12,17 +12,18 @@ from dataclasses import dataclass
 from math import exp, expm1
 from typing import Annotated
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.units import MM, PERCENT, RPM
 from swath.field.site_setup import SiteSetup
 from swath.machine.drivetrain_sheet import drivetrain_of
-from swath.machine.organ import ENGINE, Organ, crop, given, moisture, ratio_of
-from swath.signals import CropStream
+from swath.machine.organ import ENGINE, SETTINGS, Organ, Setting, crop, given, moisture, ratio_of, sent
 
 Threshability = Annotated[float, Ge(0.2), Le(3)]
+Power = Annotated[float, Ge(-5), Le(5)]
 
 
 def coupled(ear: float, free: float, threshing: float, separation: float) -> tuple[float, float]:
@@ -38,52 +39,139 @@ def coupled(ear: float, free: float, threshing: float, separation: float) -> tup
 
 @dataclass(frozen=True)
 class Params:
-    """Drum and concave.
+    """Drum and concave: how rates and breakage change with settings and moisture. v is the speed of the drum
+    over that of the manual for the crop, c the manual's clearance over the one that is set, M the moisture.
+    What is not cited is an estimate, its band in brackets.
 
     threshability: factor on threshing and separation [1]; 1 = dry wheat
+    threshing_speed: threshing goes with v to this power (0.5 to 1.5)
+    threshing_clearance: and with c to this one (0.2 to 1)
+    separation_speed: separation goes with v to this power (0 to 1)
+    separation_clearance: and with c to this one (0 to 0.6)
+    moisture_rate: both go with exp(-rate (M - 0.12)), M of the straw (2 to 4)
+    short_straw_speed: separation goes with exp(-this (v - 1)^2) above v = 1, where straw is broken up
+    short_straw_clearance: and with exp(-this (c - 1)^2) below the manual's clearance
+    short_speed: short straw on the shoe goes with v to this power
+    short_clearance: and with c to this one
+    ears_through_percent: share of the unthreshed grain that falls through the concave and so comes back
+    broken_percent: grain broken at the manual's settings; none = the crop's own (0.5 to 2 in wheat)
+    broken_speed_m_s: change of the rim's speed in which breakage grows e-fold
+    broken_clearance: breakage goes with c to this power
+    broken_feed: and with 1 / feed to this one (a doubled feed broke 16 % less wheat, tehqeeqat 33395)
+    broken_moisture_percent: moisture of the grain at which least breaks (impact damage has such a least in
+        wheat and rape, Int. Agrophys. 21:299)
+    broken_width_percent: distance from it at which twice as much does
+    power_clearance: power of the drum goes with v and with c to this power
+    speed_rpm_s: how fast the drum's speed is set
+    opening_mm_s: how fast the concave is
     """
 
     threshability: Threshability = 1.0
+    threshing_speed: Power = 1.0
+    threshing_clearance: Power = 0.5
+    separation_speed: Power = 0.5
+    separation_clearance: Power = 0.3
+    moisture_rate: Annotated[float, Ge(0), Le(20)] = 2.5
+    short_straw_speed: Annotated[float, Ge(0), Le(50)] = 4.0
+    short_straw_clearance: Annotated[float, Ge(0), Le(50)] = 1.0
+    short_speed: Power = 1.5
+    short_clearance: Power = 0.3
+    ears_through_percent: Annotated[float, Ge(0), Le(100)] = 10.0
+    broken_percent: Annotated[float, Ge(0), Le(50)] | None = None
+    broken_speed_m_s: Annotated[float, Gt(0), Le(100)] = 5.0
+    broken_clearance: Power = 0.5
+    broken_feed: Power = 0.25
+    broken_moisture_percent: Annotated[float, Ge(0), Le(50)] = 24.0
+    broken_width_percent: Annotated[float, Gt(0), Le(50)] = 9.0
+    power_clearance: Power = 0.2
+    speed_rpm_s: Annotated[float, Gt(0), Le(1e4)] = 20.0
+    opening_mm_s: Annotated[float, Gt(0), Le(1e3)] = 1.0
+
+
+def rate_factors(p: Params, v: float, c: float, moisture: float) -> tuple[float, float]:
+    """Factors on the rates of threshing and separation. v, c, moisture of the straw: as in `Params`."""
+    wet = exp(-p.moisture_rate * (moisture - 0.12))
+    short = exp(-p.short_straw_speed * max(v - 1.0, 0.0) ** 2)
+    short *= exp(-p.short_straw_clearance * max(c - 1.0, 0.0) ** 2)
+    threshing = v**p.threshing_speed * c**p.threshing_clearance * wet
+    return threshing, v**p.separation_speed * c**p.separation_clearance * wet * short
 
 
 class Drum(Organ):
-    """Threshes what comes from feeder and returns; all of their grain counts as unthreshed."""
+    """Threshes what comes from feeder and returns; all of their grain counts as unthreshed.
 
-    inputs = (crop("fed"), crop("back"), ENGINE)
+    Half of what falls through beside grain is chaff, half short straw at the manual's settings.
+    """
+
+    kept = ("_set",)
+    inputs = (crop("fed"), crop("back"), ENGINE, SETTINGS)
     outputs = given("over", "through")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         drivetrain = drivetrain_of(setup.machine)
         self._p, self._d = params, drivetrain.threshing
         self._work = drivetrain.consumers.drum_work
+        self._set = Setting(setup, drum=params.speed_rpm_s * RPM, concave=params.opening_mm_s * MM)
+        self._rim = self._set.own["drum"] * setup.machine.works.radius
+        own, crop_work = params.broken_percent, self._set.crop
+        self._broken = crop_work.broken if own is None else own * PERCENT
+
+    def start(self) -> None:
+        """Settings as they are first wanted."""
+        self._set.clear()
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Thresh what came within dt; nothing stays in it."""
-        h, came = dt / NS, (*inputs["fed"], *inputs["back"])
-        grain, mog = 0.0, 0.0
+        h, came, p, ratio = dt / NS, (*inputs["fed"], *inputs["back"]), self._p, ratio_of(inputs)
+        s = self._set.over_own(inputs, h)
+        v, c, wet = s["drum"], 1.0 / s["concave"], moisture(inputs["fed"])
+        grain = mog = broken = 0.0
         for stream in came:
-            grain, mog = grain + stream.grain, mog + stream.mog
-        ear, free = self._left(grain, mog / h, ratio_of(inputs))
-        chaff = mog * self._d.chaff
-        wet = moisture(inputs["fed"])
+            grain, mog, broken = grain + stream.grain, mog + stream.mog, broken + stream.broken
+        layer = mog / h / self._d.straw / max(ratio, 0.05)
+        ear, free = self._left(grain, layer, ratio, rate_factors(p, v, c, wet["straw_moisture"]))
+        hit = self.breakage(v * ratio, c, layer, wet["grain_moisture"])
+        broken_share = (broken + (grain - broken) * hit) / grain if grain > 0.0 else 0.0
+        chaff = 0.5 * (mog * self._d.chaff)
+        short = min(chaff * (v**p.short_speed * c**p.short_clearance), mog - chaff)
+        fallen, ears = grain - ear - free, ear * (p.ears_through_percent * PERCENT)
+        power = self._work * ((grain + mog) / h) * v * c**p.power_clearance
+        over = [ear - ears, free, free * broken_share, mog - (chaff + short), 0.0, 0.0]
+        through = [ears, fallen, fallen * broken_share, 0.0, short, chaff]
         return {
-            "over": CropStream(t + dt, ear, free, straw=mog - chaff, dt=h, **wet),
-            "through": CropStream(t + dt, free=grain - ear - free, chaff=chaff, dt=h, **wet),
-            "work": self.work(t + dt, h, grain, mog, power=self._work * ((grain + mog) / h)),
+            "over": sent(t + dt, h, over, wet),
+            "through": sent(t + dt, h, through, wet),
+            "work": self.work(t + dt, h, grain, mog, power=power),
         }
 
-    def _left(self, grain: float, flow: float, ratio: float) -> tuple[float, float]:
-        """Grain in the ear and free grain in the straw behind the concave [kg]; flow: of straw [kg/s]."""
+    def breakage(self, v: float, c: float, layer: float, moisture: float) -> float:
+        """Share of the grain that the drum breaks. v, c: as in `Params`; layer: over the nominal one."""
+        p = self._p
+
+        def damage(m: float) -> float:
+            return 1.0 + ((m / PERCENT - p.broken_moisture_percent) / p.broken_width_percent) ** 2
+
+        wet = damage(moisture) / damage(self._set.crop.moisture)
+        fed = max(layer, 0.05) ** -p.broken_feed
+        speed = exp(min(self._rim * (v - 1.0) / p.broken_speed_m_s, 30.0))
+        return min(self._broken * speed * float(c**p.broken_clearance * fed * wet), 1.0)
+
+    def _left(
+        self, grain: float, layer: float, ratio: float, factors: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Grain in the ear and free grain in the straw behind the concave [kg]."""
         d, threshability = self._d, self._p.threshability * ratio
-        layer = flow / d.straw / max(ratio, 0.05)
         scale = threshability * max(layer, 1e-3) ** -d.drum_exponent
-        return coupled(grain, 0.0, d.drum_threshing * scale, d.drum_separation * scale)
+        threshing, separation = d.drum_threshing * scale, d.drum_separation * scale
+        return coupled(grain, 0.0, threshing * factors[0], separation * factors[1])
 
 
 class IdealDrum(Drum):
     """All grain is threshed and falls through the concave."""
 
-    def _left(self, grain: float, flow: float, ratio: float) -> tuple[float, float]:
+    def _left(
+        self, grain: float, layer: float, ratio: float, factors: tuple[float, float]
+    ) -> tuple[float, float]:
         return 0.0, 0.0
 
 

@@ -1,0 +1,85 @@
+"""Laws of drum, rotors and shoe: by hand, and the trends that manuals and measurements show."""
+
+import numpy as np
+import pytest
+
+from swath.machine.cleaning.model import Params as ShoeParams
+from swath.machine.cleaning.model import shoe_loss
+from swath.machine.threshing.model import Drum, coupled, rate_factors
+from swath.machine.threshing.model import Params as DrumParams
+from swath.signals import OrganSettings
+from swath.signals.settings import CROPS, own_settings
+from tests.machine.machine_fakes import site
+from tests.machine.organ_trends import judged, steady
+
+DRY = 0.12
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_settings_change_what_manuals_say(seed):
+    wrong = [key for key, follows in judged(np.random.default_rng(seed)).items() if not follows]
+    assert wrong == []
+
+
+def test_drum_and_rotors_by_hand():
+    ear, free = coupled(1.0, 0.0, 4.0, 1.72)
+    assert (ear, free, 1.0 - ear - free) == pytest.approx((0.0183, 0.2820, 0.6997), abs=5e-5)
+    assert coupled(ear, free, 4.5, 4.3) == pytest.approx((2.03e-4, 4.84e-3), rel=3e-3)
+    ear, free = coupled(1.0, 0.0, 3.0, 3.0)
+    assert (ear, free, 1.0 - ear - free) == pytest.approx((0.0498, 0.1494, 0.8009), abs=1e-4)
+
+
+def test_the_shoe_by_hand():
+    """A width of 0.6 m/s around the best air of 6 m/s: the least there, 1.37 times it 0.5 m/s away."""
+    p = ShoeParams()
+    for air, lost in ((6.0, 0.200), (5.5, 0.274), (6.5, 0.274)):
+        assert 100.0 * shoe_loss(p, 0.002, 1.0, (air - 6.0) / 0.6) == pytest.approx(lost, abs=5e-4)
+    assert 100.0 * shoe_loss(p, 0.002, 1.0, 0.416 / 0.6, upper=0.5) == pytest.approx(0.400, abs=5e-4)
+    loads = np.linspace(0.7, 1.2, 501)
+    losses = [100.0 * shoe_loss(p, 0.002, load, 0.0) for load in loads]
+    assert loads[int(np.argmin(losses))] == pytest.approx(0.874, abs=2e-3)
+    assert min(losses) == pytest.approx(0.185, abs=5e-4)
+
+
+def test_rates_of_another_setting():
+    p = DrumParams()
+    assert rate_factors(p, 1.0, 1.0, DRY) == (1.0, 1.0)
+    moist = rate_factors(p, 1.0, 1.0, 0.20)
+    assert moist == pytest.approx((np.exp(-0.2), np.exp(-0.2)))
+    assert 2.0 < steady(keys={"feeder": {"straw_moisture_percent": 20.0}})[1] / steady()[1] < 4.0
+
+
+def test_breakage_over_speed_feed_and_moisture():
+    drum = Drum(DrumParams(), site())
+    assert drum.breakage(1.0, 1.0, 1.0, 0.14) == pytest.approx(CROPS["wheat"].broken)
+    doubled = drum.breakage(1.0, 1.0, 2.0, 0.14) / drum.breakage(1.0, 1.0, 1.0, 0.14)
+    assert doubled == pytest.approx(0.84, abs=0.005)
+    wet = [drum.breakage(1.0, 1.0, 1.0, m) for m in (0.13, 0.19, 0.24, 0.30)]
+    assert int(np.argmin(wet)) == 2
+    own = own_settings(site().machine.works, "wheat")
+    slower = 1.0 - 5.0 / (own["drum"] * site().machine.works.radius)
+    assert drum.breakage(slower, 1.0, 1.0, 0.14) == pytest.approx(0.01 / np.e)
+
+
+def test_crops_have_settings_of_their_own():
+    works = site().machine.works
+    maize, wheat = own_settings(works, "maize"), own_settings(works, "wheat")
+    assert maize["drum"] / wheat["drum"] == pytest.approx(500 / 1150)
+    assert maize["lower"] / wheat["lower"] == pytest.approx(3.0)
+    assert own_settings(works, "buckwheat") == wheat
+    given = own_settings(works, "maize", OrganSettings(0, fan=100.0))
+    assert (given["fan"], given["drum"]) == (100.0, maize["drum"])
+    assert 10.0 < maize["drum"] * works.radius < 16.0
+    assert steady("maize")[3] > 3.0 * steady()[3]
+
+
+def test_settings_take_their_time():
+    """50 rpm at 20 rpm/s; the first that comes counts at once."""
+    drum = Drum(DrumParams(), site())
+    own = own_settings(site().machine.works, "wheat")["drum"]
+    drum.start()
+    at = [drum._set.over_own({"settings": None}, 0.5)["drum"]]
+    faster = OrganSettings(0, drum=own + 50.0 * np.pi / 30.0)
+    at += [drum._set.over_own({"settings": faster}, 0.5)["drum"] for _ in range(8)]
+    rpm = (np.array(at) - 1.0) * own / (np.pi / 30.0)
+    np.testing.assert_allclose(rpm, [0, 10, 20, 30, 40, 50, 50, 50, 50], atol=1e-9)
