@@ -99,7 +99,11 @@ LIMITS = {
         "overload": Limit("equal to the closed forms", EXACT),
         "model": Limit("equal to its formula", EXACT),
     },
-    "settings": {"fixed": Limit("exact", EXACT), "table": Limit("exact", EXACT)},
+    "settings": {
+        "fixed": Limit("exact", EXACT),
+        "table": Limit("exact", EXACT),
+        "climb": Limit("within a step of the least loss", EXACT),  # in its first step as it starts
+    },
     # of the delay [s]
     "returns": {"ideal": Limit("exact", EXACT), "model": Limit("delay exact to rounding", EXACT)},
     "powertrain": {

@@ -11,7 +11,8 @@ from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.machine.powertrain.power_balance import governed_speed
 from swath.machine.threshing.model import coupled
-from swath.signals import CropStream, MachineLoad, MachineState, OrganWork
+from swath.signals import CropStream, FeedReading, LossReading, MachineLoad, MachineState, OrganWork
+from swath.signals.settings import own_settings
 from tests.field.made_field import made_field
 from tests.levels.limits import each_level, make
 from tests.machine.machine_fakes import STREAM, Ground, site
@@ -133,13 +134,15 @@ def test_grain_behind_the_shoe(level, limit):
 
 @each_level("settings")
 def test_what_is_set(level, limit):
-    """In SI what was said, nan what was not."""
+    """In SI what was said, nan or the manual's what was not."""
     part = make("settings", level, site(), **({} if level == "table" else {"drum_rpm": 900.0}))
     part.reset(STREAM)
-    made = part.step(0, STEP, {})["settings"]
+    read = {"loss": LossReading(0, 0.1, 0.1), "feed": FeedReading(0, 30.0)}
+    made = part.step(0, STEP, read)["settings"]
     drum = math.nan if level == "table" else 900.0 * math.pi / 30.0
     assert made.drum == pytest.approx(drum, rel=limit, nan_ok=True)
-    assert math.isnan(made.upper)
+    own = own_settings(site().machine.works, "wheat")["upper"]
+    assert made.upper == pytest.approx(own if level == "climb" else math.nan, nan_ok=True)
 
 
 @each_level("returns")

@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
+from swath.control.settings.climb import Climb
+from swath.control.settings.climb import Params as ClimbParams
 from swath.machine.cleaning.model import Params as ShoeParams
 from swath.machine.cleaning.model import shoe_loss
 from swath.machine.threshing.model import Drum, coupled, rate_factors
 from swath.machine.threshing.model import Params as DrumParams
-from swath.signals import OrganSettings
+from swath.signals import FeedReading, LossReading, OrganSettings
 from swath.signals.settings import CROPS, own_settings
-from tests.machine.machine_fakes import site
-from tests.machine.organ_trends import judged, steady
+from tests.machine.machine_fakes import STREAM, site
+from tests.machine.organ_trends import FLOW, STEP, judged, steady
+from tests.machine.process_rig import Row, flow, state
 
 DRY = 0.12
 
@@ -83,3 +86,32 @@ def test_settings_take_their_time():
     at += [drum._set.over_own({"settings": faster}, 0.5)["drum"] for _ in range(8)]
     rpm = (np.array(at) - 1.0) * own / (np.pi / 30.0)
     np.testing.assert_allclose(rpm, [0, 10, 20, 30, 40, 50, 50, 50, 50], atol=1e-9)
+
+
+def climbed(seconds, feed=1.1, **start):
+    """Losses in a row of organs at the start and at the end of a climb, and where it came to."""
+    setup, h = site(period=0.5), 0.5
+    climb = Climb(ClimbParams(**start), setup)
+    row = Row(setup)
+    row.reset(STREAM)
+    row.settings = climb.reset(STREAM)["settings"]
+    grain, straw = (m * feed * h for m in FLOW)
+    losses = []
+    for k in range(int(seconds / h)):
+        fed = {"flow": (flow(k, grain, straw, h),), "state": state(k, 1.0 * k, 2.0)}
+        load = row.step(k * STEP, STEP, fed)["load"]
+        rotors = load.threshing_loss + load.separation_loss
+        seen = {"loss": LossReading(0, rotors, load.cleaning_loss), "feed": FeedReading(0, load.feeder_flow)}
+        row.settings = climb.step(k * STEP, STEP, seen)["settings"]
+        losses.append((rotors + load.cleaning_loss) * h / grain)
+    return np.mean(losses[60:80]), np.mean(losses[-200:]), row.settings
+
+
+def test_the_climber_leaves_a_wrong_setting():
+    """Concave too wide and too little air: half of the loss goes, trials that turn out worse included."""
+    before, after, found = climbed(2000.0, concave_mm=20.0, fan_rpm=760.0)
+    assert before > 0.02
+    assert after < 0.6 * before
+    assert found.concave < 0.016
+    assert 80.0 < found.fan < 100.0
+    assert found.drum == own_settings(site().machine.works, "wheat")["drum"]

@@ -46,6 +46,8 @@ class OrganWork(Signal):
         Quantity("", "grain over the rear, of what went in with the crop that leaves now, 0..1", span=SHARE),
     ] = 0.0
 
+    blockage: Annotated[float, Quantity("", "its load over the one that blocks it")] = 0.0
+
 
 @frozen
 class OrganLoads(Signal):
@@ -69,4 +71,7 @@ class OrganLoads(Signal):
     ] = 0.0
     mog_share: Annotated[
         float, Quantity("", "other material over grain to the tank now", column="mog_share", span=SHARE)
+    ] = 0.0
+    blockage: Annotated[
+        float, Quantity("", "load of an organ over the one that blocks it, the largest", column="blockage")
     ] = 0.0

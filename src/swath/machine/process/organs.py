@@ -201,6 +201,7 @@ class Organs(KeepsState):
             tank_broken=self._totals["broken"].value,
             broken_share=self._quality[0],
             mog_share=self._quality[1],
+            blockage=max(work.blockage for work in works.values()),
         )
         return {"organs": loads}
 

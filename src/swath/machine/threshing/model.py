@@ -62,6 +62,7 @@ class Params:
         wheat and rape, Int. Agrophys. 21:299)
     broken_width_percent: distance from it at which twice as much does
     power_clearance: power of the drum goes with v and with c to this power
+    blocks_at: straw in the drum over the nominal at which it blocks
     speed_rpm_s: how fast the drum's speed is set
     opening_mm_s: how fast the concave is
     """
@@ -84,6 +85,7 @@ class Params:
     broken_moisture_percent: Annotated[float, Ge(0), Le(50)] = 24.0
     broken_width_percent: Annotated[float, Gt(0), Le(50)] = 9.0
     power_clearance: Power = 0.2
+    blocks_at: Annotated[float, Gt(0), Le(100)] = 2.5
     speed_rpm_s: Annotated[float, Gt(0), Le(1e4)] = 20.0
     opening_mm_s: Annotated[float, Gt(0), Le(1e3)] = 1.0
 
@@ -141,7 +143,7 @@ class Drum(Organ):
         return {
             "over": sent(t + dt, h, over, wet),
             "through": sent(t + dt, h, through, wet),
-            "work": self.work(t + dt, h, grain, mog, power=power),
+            "work": self.work(t + dt, h, grain, mog, power=power, blockage=layer / p.blocks_at),
         }
 
     def breakage(self, v: float, c: float, layer: float, moisture: float) -> float:

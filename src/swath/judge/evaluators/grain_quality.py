@@ -1,0 +1,86 @@
+"""What is in the tank beside whole grain, what each organ of a combine loses, and whether it blocks."""
+
+from collections.abc import Sequence
+from math import fsum
+
+import numpy as np
+
+from swath.core.blocks import Seen
+from swath.core.registry import Level
+from swath.core.schedule import NS
+from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric, added_up
+from swath.signals import MachineLoad, MachineState, OrganLoads
+
+GROUP = "Crop and engine"
+LOSSES = ("threshing_loss", "separation_loss", "cleaning_loss")
+
+
+class GrainQuality(Later):
+    """Events `blockage`: an organ takes no more; of a process whose organs are slots."""
+
+    OF_FIELD = False
+    SIGNALS = (MachineState, MachineLoad, OrganLoads)
+    METRICS = (
+        Metric("broken_percent", "%", "broken grain, of the grain that came into the tank", GROUP, "lower",
+               "broken grain", is_windowed=False),
+        Metric("tank_mog_percent", "%", "material other than grain that came into the tank, over the grain",
+               GROUP, "lower", "beside grain in the tank", is_windowed=False),
+        Metric("threshing_loss_percent", "%", "unthreshed grain over the rear, of the grain that left",
+               GROUP, "lower", "lost by threshing", is_windowed=False),
+        Metric("separation_loss_percent", "%", "free grain in the straw, of the grain that left", GROUP,
+               "lower", "lost by separation", is_windowed=False),
+        Metric("cleaning_loss_percent", "%", "grain over the shoe's rear, of the grain that left", GROUP,
+               "lower", "lost by cleaning", is_windowed=False),
+    )  # fmt: skip
+    EVENTS = ("blockage",)
+
+    def __init__(self, setup: EvaluatorSetup) -> None:
+        self.setup = setup
+        self._state: MachineState | None = None
+        self._organs: OrganLoads | None = None
+        self._load: MachineLoad | None = None
+        self._lost = dict.fromkeys(LOSSES, 0.0)  # sums of flows [kg/s]
+        self._stored = 0.0
+        self._events: list[Event] = []
+        self._is_blocked = False
+
+    def take(self, seen: Seen) -> None:
+        """Note loads and blockages."""
+        states, loads, organs = seen.of(MachineState), seen.of(MachineLoad), seen.of(OrganLoads)
+        if states is not None:
+            self._state = states.sample(-1)
+        if loads is not None:
+            self._load = loads.sample(-1)
+            self._lost = {name: added_up(total, loads[name]) for name, total in self._lost.items()}
+            self._stored = added_up(self._stored, loads["grain_flow"])
+        if organs is not None:
+            self._organs = organs.sample(-1)
+            for t, share in zip(organs["t"].tolist(), (organs["blockage"] >= 1.0).tolist(), strict=True):
+                if share and not self._is_blocked:
+                    self._note(t)
+                self._is_blocked = share
+
+    def metrics(self) -> dict[str, float]:
+        """Those of a process whose organs are slots."""
+        if self._organs is None or self._load is None or self._load.tank_gain <= 0.0:
+            return {}
+        gain, o = self._load.tank_gain, self._organs
+        found = {"broken_percent": o.tank_broken / gain, "tank_mog_percent": o.tank_mog / gain}
+        left = fsum((self._stored, *self._lost.values()))
+        found |= {f"{name}_percent": lost / left for name, lost in self._lost.items()}
+        return {name: 100.0 * share for name, share in found.items()}
+
+    def events(self) -> Sequence[Event]:
+        """Where it blocked."""
+        return self._events
+
+    def _note(self, t: int) -> None:
+        name, state = self.setup.name, self._state
+        x, y, distance = 0.0, 0.0, 0.0
+        if state is not None:
+            (x, y, _), distance = np.asarray(state.pose.position).tolist(), state.distance
+        text = f"{name} blocks at {t / NS:.1f} s, after {distance:.0f} m: more straw than its drum takes"
+        self._events.append(Event(t, "blockage", name, x, y, distance, text, t))
+
+
+LEVEL = Level(GrainQuality, None, summary="broken grain, cleanliness, losses by organ, blockage")
