@@ -1,4 +1,4 @@
-"""`swath test`: list, run, search, estimate, work, report, compare, again."""
+"""`swath test`: list, run, search, levels, estimate, work, report, compare, again."""
 
 import argparse
 import os
@@ -14,7 +14,7 @@ from swath.core.foreign_code import code_unread
 from swath.core.shell import command
 from swath.terminal.options import add_folder, add_sets, option
 from swath.terminal.tables import add_json
-from swath.tools.function_test import estimate_command, search_command
+from swath.tools.function_test import cheaper_command, estimate_command, search_command
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 PLACE = "many", 0  # among all commands
@@ -58,6 +58,7 @@ def add(parsers: Any) -> None:
     option(run, "--plan-only", "write the plan only, for swath test work")
     run.set_defaults(run=_run)
     search_command.add(verbs)
+    cheaper_command.add(verbs)
     estimate_command.add(verbs)
     work = verbs.add_parser("work", help="do one share of a plan, on any computer that sees the folder")
     work.add_argument("folder", type=Path)

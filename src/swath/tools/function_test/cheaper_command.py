@@ -1,0 +1,43 @@
+"""`swath test levels`: which levels may be cheap in a case."""
+
+import argparse
+from typing import Any
+
+from swath.terminal.options import add_sets, option
+
+
+def add(verbs: Any) -> None:
+    """Add the verb."""
+    levels = verbs.add_parser(
+        "levels", help="propose levels that may be cheap in a case, and what that saves"
+    )
+    option(levels, "case", "a bundled case or a case file")
+    option(levels, "--runs N", "runs of its grid that are compared, those of the first seed first", 4)
+    option(levels, "--within X", "difference that agrees, over the size of a number's limit", 0.1)
+    add_sets(levels, "of every scenario")
+    levels.set_defaults(run=_levels)
+
+
+def _levels(args: argparse.Namespace) -> int:
+    from swath.terminal.tables import say, table
+    from swath.tools.function_test.cheaper import find_cheaper
+
+    def told(text: str) -> None:
+        print(f"trying  {text}", flush=True)
+
+    found = find_cheaper(args.case, runs=args.runs, within=args.within, sets=args.sets, told=told)
+    rows = [
+        (tried.sets[0], tried.why or "agrees", f"{tried.apart:.2f}", f"{100.0 * found.saved(tried):.0f} %")
+        for tried in found.tried
+        if not tried.why.startswith("cannot")
+    ]
+    table("", ("level", "verdicts and numbers", "apart, of the limit", "time saved"), rows)
+    left = len(found.tried) - len(rows)
+    say(f"{left} levels need more than their name, or do not fit here." if left else "Every level was tried.")
+    if not found.together.sets:
+        print("no level may be cheaper")
+        return 0
+    share, same = 100.0 * found.saved(found.together), found.together.same
+    print(f"together {share:.0f} % of the time is saved, {same} of {same} verdicts the same:")
+    print(" ".join(f"--set {text}" for text in found.together.sets))
+    return 0
