@@ -52,9 +52,9 @@ def crop_across(field: Standing, pose: Pose, x: Array | float, begin: float, end
     pose: pose_world_machine. Shape (n, k) for x of shape (n,), else (k,): the middles of k steps.
     """
     at = np.asarray(x, dtype=float)
-    numbers, count = np.array([plain(pose)]), steps_between(begin, end)
-    starts = starts_across(numbers, at.ravel(), begin).tolist()
-    crop = crop_along(field, numbers[0].tolist(), starts, (end - begin) / count, count)
+    numbers, count = plain(pose), steps_between(begin, end)
+    starts = [start_across(numbers, ahead, begin) for ahead in at.ravel().tolist()]
+    crop = crop_along(field, numbers, starts, (end - begin) / count, count)
     return crop.reshape(*at.shape, count)
 
 
@@ -63,15 +63,13 @@ def steps_between(begin: float, end: float) -> int:
     return max(round(abs(end - begin) / STEP_M), 2)
 
 
-def starts_across(poses: Array, x: Array, begin: Array | float) -> Array:
-    """Where lines across machines begin in the world [m], (n, 2).
+def start_across(pose: Sequence[float], x: float, begin: float) -> Place:
+    """Where a line across a machine begins, x ahead and `begin` to the left of its origin [m].
 
-    poses: pose_world_machine as 12 numbers: position, then rows of the rotation, (n, 12) or (1, 12)
-    x, begin: of the machine [m], (n,)
+    pose: pose_world_machine as 12 numbers: position, then rows of the rotation
     """
-    (px, py), (ax, bx, _, ay, by) = poses[:, :2].T, poses[:, 3:8].T
-    ahead, aside = px + bx * begin + ax * x, py + by * begin + ay * x
-    return np.stack([ahead, aside], axis=1)
+    px, py, _, ax, bx, _, ay, by = pose[:8]
+    return px + bx * begin + ax * x, py + by * begin + ay * x
 
 
 def crop_along(

@@ -21,7 +21,7 @@ from swath.field.present_edge import (
     Holes,
     crop_along,
     edges_of,
-    starts_across,
+    start_across,
     steps_between,
 )
 from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, SeesAll, mean, rms
@@ -110,7 +110,7 @@ class _Row:
     distance: float
     edge: CropEdge
     crop: NDArray[np.uint8]
-    place: F64  # as in `lines`
+    place: tuple[float, ...]  # as in `lines`
 
 
 @saved_type("t", "rows")
@@ -136,13 +136,15 @@ class States:
     @property
     def newest(self) -> tuple[int, Any, float]:
         """Time [ns], -1 = none; pose as 12 numbers; distance."""
-        return (int(self.t[-1]), self.rows[-1, :12], self.rows[-1, 12]) if len(self.t) else (-1, (), 0.0)
+        if not len(self.t):
+            return -1, (), 0.0
+        return int(self.t[-1]), self.rows[-1, :12].tolist(), float(self.rows[-1, 12])
 
     def at(self, t: int) -> tuple[Any, float]:
         """True pose as 12 numbers and distance at t [ns]; position and angles are interpolated."""
         after = min(int(np.searchsorted(self.t, t)), len(self.t) - 1)
         if self.t[after] == t or after == 0:
-            return self.rows[after, :12], float(self.rows[after, 12])
+            return self.rows[after, :12].tolist(), float(self.rows[after, 12])
         pose, distance = between_states(self._of(after - 1), self._of(after), t)
         return plain(pose), distance
 
@@ -209,10 +211,10 @@ class EdgeDetection(SeesAll, Later):
     def see_all(cls, parts: Sequence["EdgeDetection"], slot: str, t: int, shown: ShownToAll) -> None:
         """Look up what stands where edges are reported, once the truth has reached their times."""
         pile, worlds = shown.newest(MachineState, parts[0].setup.name), shown.worlds
-        now: Any = [judge._states.newest for judge in parts]
-        if pile is not None:
-            now = zip(*(pile.last(name, worlds) for name in ("t", "pose", "distance")), strict=True)
-        found: list[tuple[EdgeDetection, CropEdge, Any, float]] = []
+        if pile is None:
+            now: Any = [judge._states.newest for judge in parts]
+        else:
+            now = zip(*(pile.last(name, worlds).tolist() for name in ("t", "pose", "distance")), strict=True)
         for k, (judge, newest) in enumerate(zip(parts, now, strict=True)):
             outputs = shown.of(k)
             judge._waiting += outputs.samples(CropEdge)
@@ -221,10 +223,20 @@ class EdgeDetection(SeesAll, Later):
                 if edge.t < newest[0]:
                     states = judge._states.with_block(outputs.waiting(MachineState, judge.setup.name))
                     place = states.at(edge.t)
-                found.append((judge, edge, *place))
+                judge._look(edge, *place)
             judge.rests_until = 0 if judge._waiting else NEVER
-        if found:
-            _look(found)
+
+    def _look(self, edge: CropEdge, pose: Sequence[float], distance: float) -> None:
+        """Note what stands where an edge is reported. pose: as 12 numbers."""
+        if isfinite(edge.reference_x):  # where none is reported, the last one counts, at first the knife
+            self._reference = edge.reference_x
+        begin, end = self._begin, 2.0 * self._end_y - self._begin
+        count, start = steps_between(begin, end), start_across(pose, self._reference, begin)
+        along, width = self._along or crop_along, (end - begin) / count
+        crop = np.packbits(along(self.setup.field, pose, [start], width, count))
+        px, py, _, ax, bx, _, ay, by = pose[:8]
+        place = _place((px, ax, bx), (py, ay, by), (self._reference, self._knife_x), self._end_y)
+        self._rows.append(_Row(edge.t, distance, edge, crop, place))
 
     def look(self) -> None:
         """Look up what stands where edges were reported up to the time of the newest state."""
@@ -344,29 +356,13 @@ def between_states(
     return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
 
 
-def _look(found: Sequence[tuple[EdgeDetection, CropEdge, Any, float]]) -> None:
-    """Note what stands where edges are reported: of each the judge, pose as 12 numbers and distance."""
-    for judge, edge, _, _ in found:
-        if isfinite(edge.reference_x):  # where none is reported, the last one counts, at first the knife
-            judge._reference = edge.reference_x
-    judges, poses = [judge for judge, *_ in found], np.array([pose for _, _, pose, _ in found])
-    at = np.array([[j._reference, j._knife_x, j._begin, j._end_y] for j in judges])
-    reference, knife, begin, end = at.T
-    last = 2.0 * end - begin
-    count = steps_between(float(begin[0]), float(last[0]))
-    lines = zip(
-        judges,
-        poses.tolist(),
-        starts_across(poses, reference, begin).tolist(),
-        ((last - begin) / count).tolist(),
-        strict=True,
-    )
-    crop = [(j._along or crop_along)(j.setup.field, pose, [s], w, count)[0] for j, pose, s, w in lines]
-    (px, py), (ax, bx, _, ay, by) = poses[:, :2].T, poses[:, 3:8].T
-    ends = [v + a * x + b * end for x in (reference, knife) for v, a, b in ((px, ax, bx), (py, ay, by))]
-    places = np.stack([*ends, bx, by], axis=1)
-    for (judge, edge, _, distance), bits, place in zip(found, np.packbits(crop, axis=1), places, strict=True):
-        judge._rows.append(_Row(edge.t, float(distance), edge, bits, place))
+def _place(x: tuple[Any, ...], y: tuple[Any, ...], ahead: tuple[Any, Any], left: Any) -> tuple[Any, ...]:
+    """Points of a machine in the world, and its y axis there, as in `EdgeDetection.lines`.
+
+    x, y: of the world, each with its rate along the machine's x and y axis; ahead, left: in the machine
+    """
+    ends = [v + a * at + b * left for at in ahead for v, a, b in (x, y)]
+    return *ends, x[2], y[2]
 
 
 def _nearest(places: Sequence[float], to: float) -> float:
