@@ -178,3 +178,14 @@ def test_a_job_file_names_key_and_line_of_what_is_wrong(tmp_path):
     )
     with pytest.raises(InputError, match=r"around_m = -3: expected >= 0.*job.yaml:4"):
         read_job(str(file))
+
+
+def test_who_is_done_does_not_hold_the_way_of_the_last_grain():
+    """All ways of carts to the truck are granted before those of combines to their places."""
+    schedule = schedule_of(drawn_job(128, SMALL))
+    carts = {k.name for k in schedule.machines.carts}
+    segments = schedule.table.segments
+    last = max(s.number for s in segments if s.machine in carts and s.kind == "at truck")
+    homewards = [s.number for s in segments if s.machine not in carts and s.kind == "to its place"]
+    assert homewards
+    assert min(homewards) > last

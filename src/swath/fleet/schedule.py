@@ -373,9 +373,7 @@ class Scheduler:
                 if not self.goes_on(busy, patience=PARAMS.tries, poses=PARAMS.poses):
                     self.leave_out(busy)
             room += 1
-        last = max(c.time for c in self.combines)
-        for k in sorted(self.carts, key=lambda k: k.time):
-            k.time = max(k.time, last)
+        for k in sorted(self.carts, key=lambda k: k.starts[0].time):
             room = 0
             while k.load > LEFT_KG and not self.empties(k):
                 if room > 2 * len(self.combines) or not self.makes_room(room):
@@ -384,6 +382,8 @@ class Scheduler:
                     )
                 room += 1
                 k.time = max(k.time, *(c.time for c in self.combines))
+        for c in self.combines:
+            self.goes_home(c)
         self.schedule.ends = max((p.ends for p in self.schedule.poured if p.target == "truck"), default=0.0)
         self.schedule.renumber(self.table.clear())
 
@@ -441,11 +441,11 @@ class Scheduler:
             if c.tank > LEFT_KG:
                 return self.takes(c, list(self.emptied(c)))
             waits = any(self.fits(c, p) for p in self.clean)  # until others have cut what is before that
-            if waits and c.place == c.home:
+            if waits and (self.carts or c.place == c.home):
                 return False
-            is_home = self.goes_home(c)
-            c.is_done = is_home and not waits
-            return is_home
+            is_off = bool(self.carts) or self.goes_home(c)  # it stands in the field until carts have emptied
+            c.is_done = is_off and not waits
+            return is_off
         options = self.first(c, legs, self.cuts)
         spent = min((o.ends - o.cuts for o, _ in options), default=math.inf) - c.time
         if c.tank > LEFT_KG and spent > PARAMS.long_s + c.tank / c.spec.auger:
@@ -1296,14 +1296,20 @@ class Scheduler:
         return bool(self.ground.is_free(outlines, time).all())
 
     def empties(self, k: CartState) -> bool:
-        """A cart with the last grain drives to the truck."""
-        path = standing(k.home, k.spec.body, 0.0, "home")
-        found = self.home_by(_Trip(k, Start(k.home, k.time), "", path, {}, {}), k.time, k.load, True)
-        if found is None:
-            return False
-        path, times, exits = found
-        self.leaves(k, exits, self.table.commit(k.spec.name, path, times))
-        return True
+        """A cart drives to the truck, from its last load, or else from its place."""
+        for start in k.starts:
+            is_out = start.behind >= 0
+            path = standing(start.place, k.spec.body, 0.0, "in the field" if is_out else "home")
+            trip = _Trip(k, start, "", path, {0: start.time} if is_out else {}, {})
+            mark = self.table.mark()
+            self.calls_back(start)
+            found = self.home_by(trip, start.time, k.load, True)
+            if found is not None:
+                path, times, exits = found
+                self.leaves(k, exits, self.table.commit(k.spec.name, path, times))
+                return True
+            self.table.back(mark)
+        return False
 
     def is_off_ways(self, c: CombineState, place: Place) -> bool:
         """Whether a combine at a place is off the ways that others keep to their places and the truck."""
