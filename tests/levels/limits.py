@@ -93,7 +93,11 @@ LIMITS = {
         "model": Limit("mean delays exact at a steady flow", (2.5, 4.0)),
     },
     "threshing": {"ideal": Limit("exact", 0.0), "model": Limit("equal to the closed forms", EXACT)},
-    "separation": {"ideal": Limit("exact", 0.0), "model": Limit("equal to the closed forms", 1e-9)},
+    "separation": {
+        "ideal": Limit("exact", 0.0),
+        "model": Limit("equal to the closed forms", 1e-9),
+        "walkers": Limit("equal to the closed form", 1e-9),
+    },
     "cleaning": {
         "ideal": Limit("exact", 0.0),
         "overload": Limit("equal to the closed forms", EXACT),

@@ -27,19 +27,19 @@ FLOW = 23.8, 15.4  # nominal grain and straw [kg/s]
 STEP, STEPS = NS // 2, 60
 
 
-def steady(crop="wheat", keys=(), feed=1.0, levels=(), **over_own):
+def steady(crop="wheat", keys=(), feed=1.0, levels=(), machine=None, nominal=FLOW, **over_own):
     """What `QUALITIES` come to: shares of grain fed, on the shoe, to the tank, of the shoe's flow, and W.
 
-    over_own: settings over those of the manual
+    nominal: grain and straw at feed 1 [kg/s]; over_own: settings over those of the manual
     """
     ground, h = Ground(), STEP / NS
     ground.stand = SimpleNamespace(crop=crop)
-    setup = site(ground, period=h)
+    setup = site(ground, period=h, machine=machine)
     row = Row(setup, levels, keys)
     row.reset(STREAM)
     own = own_settings(setup.machine.works, crop)
     row.settings = OrganSettings(0, **{name: own[name] * over for name, over in over_own.items()})
-    grain, straw = (m * feed * h for m in FLOW)
+    grain, straw = (m * feed * h for m in nominal)
     for k in range(STEPS):
         made = row.step(
             k * STEP, STEP, {"flow": (flow(k, grain, straw, h),), "state": state(k, 1.0 * k, 2.0)}

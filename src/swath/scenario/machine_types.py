@@ -31,7 +31,7 @@ MACHINE_TYPES: Mapping[str, Mapping[str, str]] = {
 BY_SECTION: Mapping[str, Mapping[str, str]] = {"box": {"heap": "height_map"}}  # of the data sheet
 ORGANS = ("feeder", "threshing", "separation", "cleaning", "returns")
 BY_LEVEL: Mapping[tuple[str, str], tuple[str, ...]] = {("process", "organs"): ORGANS}
-"""Slot and level -> slots that a machine has with it, at their default level."""
+"""Slot and level -> slots that a machine has with it alone, at the level of its sheet or the default one."""
 
 
 def slots_of(machine_type: Mapping[str, str], own: Mapping[str, str]) -> dict[str, str]:

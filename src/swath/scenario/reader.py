@@ -88,9 +88,9 @@ def _machine(reader: SectionReader, name: str, data: dict[str, Any]) -> MachineS
         return None  # noted when its path was looked at
     unasked = _slots_of_type(reader, sheet, (name, "machine"))
     for (slot, level), more in BY_LEVEL.items():
-        entry = data.get(slot, unasked.get(slot))
+        entry, own = data.get(slot, unasked.get(slot)), {m: unasked.pop(m) for m in more if m in unasked}
         if (entry.get("level") if isinstance(entry, dict) else entry) == level:
-            unasked = {m: reader.catalogue.slot(m).level for m in more} | unasked
+            unasked |= {m: reader.catalogue.slot(m).level for m in more} | own
     chosen: dict[str, SlotChoice] = {}
     for kind, slot in _instances(reader, name, data, unasked):
         choice = read_slot(reader, name, slot, kind, data.get(slot, {}), unasked.get(slot, kind.level))

@@ -147,7 +147,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "separation",
         "model",
         ("over", "through"),
-        {"fed": ("threshing", "over"), "drum": ("threshing", "work")},
+        {"fed": ("threshing", "over"), "drum": ("threshing", "work"), **_STATE},
     ),
     _organ(
         "cleaning",

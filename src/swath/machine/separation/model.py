@@ -140,11 +140,27 @@ class Params(DrumParams):
     vane_deg_s: Annotated[float, Gt(0), Le(1e3)] = 1.0
 
 
+@dataclass(frozen=True)
+class Passage:
+    """How crop goes through in a step: factors on rates, breakage and power, and a share.
+
+    pace: how much sooner it leaves
+    short: share of the straw that falls through as short straw
+    """
+
+    threshing: float
+    separation: float
+    pace: float = 1.0
+    short: float = 0.0
+    broken: float = 1.0
+    power: float = 1.0
+
+
 class Rotors(Organ):
     """The layer in them is that of the drum: `drum` is its work."""
 
     kept = ("_rotor", "_loss_share", "_broken", "_set")
-    inputs = (crop("fed"), Port("drum", OrganWork, history=True), ENGINE, SETTINGS)
+    inputs: tuple[Port, ...] = (crop("fed"), Port("drum", OrganWork, history=True), ENGINE, SETTINGS)
     outputs = given("over", "through")
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
@@ -166,33 +182,28 @@ class Rotors(Organ):
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Separate for dt."""
-        h, ratio, came, p = dt / NS, ratio_of(inputs), inputs["fed"], self._p
-        s, wet = self._set.over_own(inputs, h), moisture(came)
-        v, c, pace = s["drum"], 1.0 / s["concave"], s["vane"]
+        h, ratio, came = dt / NS, ratio_of(inputs), inputs["fed"]
+        wet = moisture(came)
+        p = self._passage(inputs, h, wet["straw_moisture"])
         drum, entering = added(inputs["drum"]), added(came)
         layer = drum.mog / h / self._d.straw / max(ratio, 0.05)
-        late = pace**-p.vane_power
-        short = entering.mog * min(
-            p.short_percent * PERCENT * (v**p.short_speed * c**p.short_clearance * late), 1.0
-        )
-        fed = (entering.unthreshed, entering.free, entering.mog - short, drum.grain)
-        threshing, separation = rate_factors(p, v, c, wet["straw_moisture"])
+        short = entering.mog * p.short
         through, out = self._rotor.advance(
-            fed,
+            (entering.unthreshed, entering.free, entering.mog - short, drum.grain),
             layer=layer,
             dt=h,
             ratio=ratio,
-            threshability=p.threshability * ratio,
-            factors=(threshing / pace, separation / pace),
-            pace=pace,
+            threshability=self._p.threshability * ratio,
+            factors=(p.threshing, p.separation),
+            pace=p.pace,
         )
         unthreshed, lost, dropped, leaving = out
         if leaving > 0.0:
             self._loss_share = (unthreshed + lost) / leaving
         if entering.free > 0.0:
             self._broken = entering.broken / entering.free
-        broken = min(self._broken * late, 1.0)
-        power = self._work * (drum.mog / h) * v * late
+        broken = min(self._broken * p.broken, 1.0)
+        power = self._work * (drum.mog / h) * p.power
         return {
             "over": sent(t + dt, h, [unthreshed, lost, lost * broken, dropped, 0.0, 0.0], wet),
             "through": sent(t + dt, h, [0.0, through, through * broken, 0.0, short, 0.0], wet),
@@ -202,6 +213,15 @@ class Rotors(Organ):
     def held(self) -> Sequence[Sequence[float]]:
         """Grain and straw in them [kg]."""
         return [self._rotor.held()]
+
+    def _passage(self, inputs: Inputs, h: float, straw_moisture: float) -> Passage:
+        """At the settings after h [s]."""
+        p, s = self._p, self._set.over_own(inputs, h)
+        v, c, pace = s["drum"], 1.0 / s["concave"], s["vane"]
+        threshing, separation = rate_factors(p, v, c, straw_moisture)
+        late = pace**-p.vane_power
+        short = p.short_percent * PERCENT * (v**p.short_speed * c**p.short_clearance * late)
+        return Passage(threshing / pace, separation / pace, pace, min(short, 1.0), late, v * late)
 
 
 class IdealSeparation(Organ):
