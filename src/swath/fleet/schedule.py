@@ -452,6 +452,8 @@ class Scheduler:
             options += self.emptied(c)
         if not options:
             options = self.first(c, legs, partial(self.cuts_part, anywhere=True))
+        if not options and self.last_of(c.spec.name).kind == "at truck":
+            return self.goes_home(c)  # others come to the truck
         return self.takes(c, options)
 
     def first(
