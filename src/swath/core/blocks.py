@@ -281,7 +281,7 @@ class Seen:
     def __init__(self, blocks: Sequence[Block]) -> None:
         self.blocks = blocks
         self._by_kind: dict[tuple[str, type[Signal]], Block | None] = {}
-        self._of_machine: dict[str, Seen] = {}
+        self._of_machine: dict[str, Seen | None] = {}  # None: all that was seen
 
     @classmethod
     def of_one(cls, slot: str, t: int, outputs: Mapping[str, Signal]) -> "Seen":
@@ -314,10 +314,9 @@ class Seen:
         """That of one machine, "" = of all."""
         if machine not in self._of_machine:
             own = [b for b in self.blocks if self._is_of(b, machine)]
-            if len(own) == len(self.blocks):
-                return self  # not kept: a cycle would hold all samples until it is collected
-            self._of_machine[machine] = Seen(own)
-        return self._of_machine[machine]
+            # not itself: a cycle would hold all samples until it is collected
+            self._of_machine[machine] = None if len(own) == len(self.blocks) else Seen(own)
+        return self._of_machine[machine] or self
 
     @staticmethod
     def _is_of(block: Block, machine: str) -> bool:

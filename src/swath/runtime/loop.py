@@ -17,7 +17,7 @@ from swath.runtime.world import World
 from swath.signals import MachineState
 
 BEAT = NS // 4  # simulated time between looks of observers and progress reports [ns]
-LONG_BEAT = NS  # the same of worlds in step, at which nobody looks meanwhile
+LONG_BEAT = 2 * NS  # the same of worlds in step, at which nobody looks meanwhile
 
 Progress = Callable[[float, float], None]
 
