@@ -41,6 +41,14 @@ class TakesBlocks(Protocol, metaclass=ByMembers):
         """Take what was sent since the last call."""
 
 
+@runtime_checkable
+class TakesSome(Protocol, metaclass=ByMembers):
+    """One that takes not everything."""
+
+    def takes(self, slot: str, kind: type[Signal]) -> bool:
+        """Whether it takes samples of a type from a slot."""
+
+
 class Looker(NamedTuple):
     """A part of an observer, which is shown samples at their time.
 

@@ -326,7 +326,7 @@ class Lockstep:
         self._failed: list[int] = []
         self.blocks = Blocks()
         self._watched: list[Onlookers] = []
-        self._takes = False
+        self._taken: dict[tuple[str, type[Signal]], bool] = {}  # whether somebody takes what a slot sends
         self._audience: dict[tuple[object, ...], list[Audience]] = {}  # by slot and types
         self._followers: dict[str, list[tuple[int, Observer]]] = {}
         self._looked_at: list[tuple[int, Audience]] | None = None  # ops, by place
@@ -403,13 +403,20 @@ class Lockstep:
         if self._watched and not anew and all(w.is_same(g.observers, g.watches) for w, g in pairs):
             return
         self._watched = [Onlookers(graph.observers, graph.watches) for graph in self.graphs]
-        takes = any(watched.takers for watched in self._watched)
-        if takes != self._takes:
-            self._takes = takes
+        known, self._taken = self._taken, {}
+        if any(self._takes(*sent) != taken for sent, taken in known.items()):
             self._dismiss()
         self._forget_audience()
         for taker in (taker for watched in self._watched for taker in watched.takers):
             taker.look = self.look
+
+    def _takes(self, slot: str, kind: type[Signal]) -> bool:
+        """Whether an observer takes samples of a type from a slot."""
+        found = self._taken.get((slot, kind))
+        if found is None:
+            found = any(watched.takes(slot, kind) for watched in self._watched)
+            self._taken[slot, kind] = found
+        return found
 
     def advance(
         self,
@@ -572,7 +579,7 @@ class Lockstep:
             more = (self._until - self.t) // slot.period + 2
             for output, row in member.op.sent.items():
                 wire = slot.name, output
-                if self._takes:
+                if self._takes(slot.name, row.kind):
                     self.blocks.reserve(wire, row, more)
                 for source in self._sources.get(wire, ()):
                     if not source.is_of_op:
@@ -625,7 +632,7 @@ class Lockstep:
             keeps = {}
             for output, row in op.sent.items():
                 wire = rank.name, output
-                keeps[output] = [self.blocks.head(wire)] if self._takes else []
+                keeps[output] = [self.blocks.head(wire)] if self._takes(rank.name, row.kind) else []
                 self._hold(wire, row)
                 in_python = [q for q in self._readers.get(wire, ()) if q.source is None]
                 if in_python:
@@ -911,8 +918,7 @@ class Lockstep:
         """Publish what a slot gave at t in every world."""
         for output, sent in outputs.items():
             self._arrive(rank.sends[output][1], sent)
-        if self._takes:
-            self.blocks.add(rank.name, t, outputs)
+        self.blocks.add(rank.name, t, {o: s for o, s in outputs.items() if self._takes(rank.name, s.kind)})
         if rank.name in self._followers:
             self._tell(rank, t, outputs)
         self._show(rank, t, outputs)

@@ -5,7 +5,7 @@ from operator import attrgetter, is_
 from typing import Any
 
 from swath.core.abilities import EndsRun
-from swath.core.blocks import Blocks, Looker, LooksOn, Shown, ShownToAll, TakesBlocks
+from swath.core.blocks import Blocks, Looker, LooksOn, Shown, ShownToAll, TakesBlocks, TakesSome
 from swath.core.signal import Signal
 from swath.core.together import Sent
 
@@ -55,6 +55,10 @@ class Onlookers:
         """Whether nobody came or went since."""
         known = self._known
         return self._watches is watches and len(observers) == len(known) and all(map(is_, observers, known))
+
+    def takes(self, slot: str, kind: type[Signal]) -> bool:
+        """Whether one of them takes samples of a type from a slot."""
+        return any(not isinstance(o, TakesSome) or o.takes(slot, kind) for o in self.takers)
 
     def lookers(self, slot: str, kinds: Kinds) -> Iterator[tuple[int, Looker]]:
         """Who is shown samples of these types that a slot sends, and the place among all in which order."""

@@ -116,14 +116,21 @@ class Evaluation:
             self._shown.clear()
             self._takers.clear()
 
+    def takes(self, slot: str, kind: type[Signal]) -> bool:
+        """Whether an evaluator takes samples of a type from a slot."""
+        return bool(self._takers_of(slot.partition(".")[0], kind))
+
+    def _takers_of(self, machine: str, kind: type[Signal]) -> list[Any]:
+        if (machine, kind) not in self._takers:
+            every = self.interested(machine, (kind,))
+            self._takers[machine, kind] = [e for e in every if isinstance(e, TakesSeen)]
+        return self._takers[machine, kind]
+
     def _give(self, seen: Seen) -> None:
         found: dict[int, tuple[Any, str]] = {}
-        for key in seen.kinds():
-            if key not in self._takers:
-                machine, kind = key
-                every = self.interested(machine, (kind,))
-                self._takers[key] = [e for e in every if isinstance(e, TakesSeen)]
-            found |= {id(e): (e, "" if e.OF_FIELD else key[0]) for e in self._takers[key]}
+        for machine, kind in seen.kinds():
+            takers = self._takers_of(machine, kind)
+            found |= {id(e): (e, "" if e.OF_FIELD else machine) for e in takers}
         for evaluator, machine in found.values():
             evaluator.take(seen.of_machine(machine))
 
