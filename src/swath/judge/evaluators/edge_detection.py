@@ -316,21 +316,22 @@ class EdgeDetection(SeesAll, Later):
         """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, wall."""
         count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
         crop = np.unpackbits(np.stack([r.crop for r in rows]), axis=1, count=count).astype(bool)
-        judged = []
-        lines = self.lines(np.array([row.place for row in rows])).tolist()
-        for row, places, line in zip(rows, edges_of(crop), lines, strict=True):
-            edge, end = row.edge, self._end_y
-            at = [self._begin - self.side * STEP_M * place for place in places.tolist()]
-            seen, wall = edge.offset if edge.is_found else NAN, NAN
-            exists = any(abs(y - end) <= NEAR_M for y in at)
-            if edge.is_found and at:
-                wall = _nearest(at, seen)
-            elif exists:
-                wall = _nearest(at, end)
-            true = line if isfinite(line) else wall
-            told = edge.is_found, exists, edge.confidence, edge.is_held, edge.offset_sd, wall
-            judged.append((row.t, row.distance, true, seen, *told))
-        return np.array(judged, dtype=float)
+        places = edges_of(crop)
+        at = np.full((len(rows), 1 + max(map(len, places))), NAN)
+        for k, own in enumerate(places):
+            at[k, : len(own)] = self._begin - self.side * STEP_M * own
+        edges = [(r.t, r.distance, r.edge) for r in rows]
+        told = [(t, d, e.offset, e.is_found, e.confidence, e.is_held, e.offset_sd) for t, d, e in edges]
+        t, distance, offset, found, confidence, is_held, sd = np.array(told, dtype=float).T
+        exists = (np.abs(at - self._end_y) <= NEAR_M).any(axis=1)
+        seen = np.where(found > 0.0, offset, NAN)
+        asked = np.where(found > 0.0, seen, np.where(exists, self._end_y, NAN))
+        gap = np.abs(at - asked[:, None])
+        nearest = np.where(np.isfinite(gap), gap, np.inf).argmin(axis=1)
+        wall = np.where(np.isfinite(asked), at[np.arange(len(rows)), nearest], NAN)
+        line = self.lines(np.array([row.place for row in rows]))
+        true = np.where(np.isfinite(line), line, wall)
+        return np.stack([t, distance, true, seen, found, exists, confidence, is_held, sd, wall], axis=1)
 
     def lines(self, places: F64) -> F64:
         """Lateral place of the line across a hole of the initial edge [m], (n,); nan where no hole is.
@@ -363,10 +364,6 @@ def _place(x: tuple[Any, ...], y: tuple[Any, ...], ahead: tuple[Any, Any], left:
     """
     ends = [v + a * at + b * left for at in ahead for v, a, b in (x, y)]
     return *ends, x[2], y[2]
-
-
-def _nearest(places: Sequence[float], to: float) -> float:
-    return min(places, key=lambda place: abs(place - to))
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
