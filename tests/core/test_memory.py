@@ -15,16 +15,16 @@ NUMBERS = np.dtype([("a", np.float64), ("b", np.float64, (3,))])
 
 def test_memory_is_used_again_once_no_view_of_it_is_left():
     spare = Spare()
-    first = spare.empty((4, 2), NUMBERS)
+    first = spare.empty((4096, 2), NUMBERS)
     view, at = first["b"][1:, 0], first.ctypes.data
     del first
-    other = spare.empty((4, 2), NUMBERS)  # the first is still looked at
+    other = spare.empty((4096, 2), NUMBERS)  # the first is still looked at
     other["b"] = 1.0
     assert other.ctypes.data != at
     view[:] = 2.0
     assert (other["b"] == 1.0).all()
     del view
-    assert spare.empty((2, 2), NUMBERS).ctypes.data == at
+    assert spare.empty((4000, 2), NUMBERS).ctypes.data == at
 
 
 def test_samples_are_let_go_without_a_collector():

@@ -30,6 +30,7 @@ FORMS: dict[Any, Any] = {
 }
 Ints = NDArray[np.int64]
 LINE = 64  # bytes: fields that are arrays begin at such a place
+SMALL = 1 << 17  # bytes: less comes from memory that the process has anyway, not in new pages
 SPARE = 2  # memories that are kept: one is read while the next is filled
 
 
@@ -282,6 +283,8 @@ class Spare:
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
         """An array that holds anything."""
         size = prod(shape) * dtype.itemsize
+        if size < SMALL:
+            return np.empty(shape, dtype)
         at = next((k for k, known in enumerate(self._kept) if len(known) >= size), None)
         memory = np.empty(size, np.uint8) if at is None else self._kept.pop(at)
         base = np.frombuffer(memory.data, np.uint8, size)  # of all views

@@ -7,10 +7,10 @@ import warp as wp
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 
-_PARTS = (Path(__file__).with_name(f"{part}.cpp") for part in ("philox", "normals"))
+_HERE = Path(__file__).parent
 
 
-@wp.func_native("\n".join(part.read_text(encoding="utf-8") for part in _PARTS))
+@wp.func_native("\n".join((_HERE / f).read_text(encoding="utf-8") for f in ("philox.cpp", "normals.cpp")))
 def numpys_normals(
     keys: wp.array2d(dtype=wp.uint64),
     counter: wp.array(dtype=wp.uint64),
