@@ -19,7 +19,7 @@ from tests.test_docs import LINES
 MODULES = {
     "can": "can", "fmi": "fmpy", "foxglove": "foxglove", "geo": "rasterio", "gym": "gymnasium",
     "las": "laspy", "mesh": "trimesh", "odd": "openodd", "osi": "osi3", "ros2": "rclpy", "test": "scipy",
-    "view": "websockets",
+    "tune": "optuna", "view": "websockets",
 }  # fmt: skip
 OWN = {p.name for part in ("how-to", "tutorials") for p in (ROOT / "docs" / part).glob("*.md")} | {
     "README.md"

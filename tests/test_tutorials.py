@@ -18,6 +18,7 @@ from tests.typed_tutorial import listings
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 NEEDS = {
+    "my-edge-detector": "optuna",
     "my-field": "rasterio",
     "my-function-test": "scipy",
     "my-odd": "openodd",

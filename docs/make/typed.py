@@ -33,6 +33,8 @@ LONG = {  # over a minute: cut by the tests, typed whole by benchmarks/typed_lin
     "test run catalogue": "every case",
     "test search": "64 runs",
     "test estimate": "2000 runs",
+    "test plan-field": "128 runs",
+    "tune bend": "some 600 runs",
 }
 ELSEWHERE = {  # needs more than this machine: the test that does it
     "python examples/can/my_controller.py": "tests/whole/test_can_runs.py",
@@ -101,6 +103,10 @@ def shortened(words: list[str]) -> list[str]:
         case ["test", "run"]:
             draw = "2" if "--with" in words else "1"  # candidates are compared over what both met
             return [*words, *sets, "--draw", draw, "--seeds", "1", "--workers", "1"]
+        case ["tune", *_]:
+            return [*words, *sets, "--tries", "10", "--each", "1", "--proof", "10", "--workers", "1"]
+        case ["test", "plan-field"]:
+            return [*words, *sets, "--pairs", "8", "--runs", "2", "--workers", "1"]
         case ["test", "search"]:
             return [*words, *sets, "--budget", "8", "--workers", "1"]
         case ["test", "estimate"]:
@@ -110,7 +116,13 @@ def shortened(words: list[str]) -> list[str]:
 
 def allowed(words: list[str]) -> tuple[int, ...]:
     """Exit codes of a line that works; so short a run may miss a limit, so few runs show nothing."""
-    return {"run": (0, 1, 3), "rerun": (0, 1, 3), "branch": (0, 1, 3), "test": (0, 1, 3)}.get(words[0], (0,))
+    return {
+        "run": (0, 1, 3),
+        "rerun": (0, 1, 3),
+        "branch": (0, 1, 3),
+        "test": (0, 1, 3),
+        "tune": (0, 1, 3, 4),
+    }.get(words[0], (0,))
 
 
 def type_line(line: str, *, is_whole: bool) -> None:

@@ -143,7 +143,10 @@ def test_a_run_that_cannot_be_made_in_step_is_done_alone_and_tells_why(case_file
     assert "speed_kmh" in json.loads(told[1])["reason"]
 
 
-@pytest.mark.parametrize("sets", [("combine.lidar.level=empirical",), ("combine.camera=rays",)])
+@pytest.mark.parametrize(
+    "sets",
+    [("combine.lidar.level=empirical",), ("combine.camera=rays",), ("combine.lidar.level=mine.py:Mine",)],
+)
 def test_runs_that_gain_nothing_go_alone(case_file, sets):
     runs = list(Plan(str(case_file), sets=sets).runs())
     assert list(in_chunks(runs, 2)) == [(run,) for run in runs]

@@ -107,7 +107,8 @@ def gains_in_step(scenario: Scenario) -> bool:
     if scenario.is_paced or any(choice.found.is_link for choice in every):
         return False
     looking = [choice.found.component for choice in every if choice.kind.name in LOOK]
-    return all(takes_all(kind, "step") and getattr(kind, "gains", True) for kind in looking)
+    return all(isinstance(kind, type) and takes_all(kind, "step") and getattr(kind, "gains", True)
+               for kind in looking)  # fmt: skip
 
 
 def groups_in_step(worlds: Sequence[World]) -> list[list[int]]:

@@ -1,4 +1,4 @@
-"""`swath test`: list, run, search, levels, estimate, work, report, compare, again."""
+"""`swath test`: list, run, search, levels, estimate, plan-field, work, report, compare, again."""
 
 import argparse
 import os
@@ -15,6 +15,7 @@ from swath.core.shell import command
 from swath.terminal.options import add_folder, add_sets, option
 from swath.terminal.tables import add_json
 from swath.tools.function_test import cheaper_command, estimate_command, search_command
+from swath.tools.function_test.field_plan import command as field_plan
 from swath.tools.function_test.progress import CLUSTER, engine, progress
 
 PLACE = "many", 0  # among all commands
@@ -60,6 +61,7 @@ def add(parsers: Any) -> None:
     search_command.add(verbs)
     cheaper_command.add(verbs)
     estimate_command.add(verbs)
+    field_plan.add(verbs)
     work = verbs.add_parser("work", help="do one share of a plan, on any computer that sees the folder")
     work.add_argument("folder", type=Path)
     option(work, "--shard I/N", "share to do, e.g. 3/200", required=True)

@@ -103,8 +103,9 @@ def _history(found: Tuned, aim: int) -> Chart:
     """The values of an aim over the number of the setting."""
     name, better = list(found.tune.directions.items())[aim]
     values = [t.measured.values[aim] for t in (*found.tried, Tried(np.zeros(0), found.shipped))]
-    made, at = _axis(f"{name}, {better} is better", values, better)
-    chart = Chart(WIDE, HIGH, f"{name} by setting", ("setting", "1", str(len(found.tried))), made)
+    made, at = _axis(name, values, better)
+    chart = Chart(WIDE, HIGH, f"{name} by setting", ("setting", "1", str(len(found.tried))), made,
+                  f"**{name}**: {better} is better, and further down")  # fmt: skip
     if isfinite(values[-1]):
         chart.line(0.0, at(values[-1]), 1.0, at(values[-1]), "3 3")
     for number, tried in enumerate(found.tried):
@@ -140,7 +141,7 @@ def _axis(name: str, values: Sequence[float], better: str) -> tuple[tuple[str, s
     def at(value: float) -> float:
         return 0.04 + 0.92 * min(1.0, (value - low) / (high - low)) if isfinite(value) else 0.98
 
-    return (name, f"{sign * low:.3g}", f"{sign * high:.3g}"), at
+    return (name, f"{sign * low:.2g}", f"{sign * high:.2g}"), at
 
 
 def _mark(chart: Chart, x: float, y: float, measured: Measured, title: str) -> None:

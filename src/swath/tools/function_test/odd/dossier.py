@@ -36,6 +36,7 @@ from swath.report.html import (
 from swath.runtime.credibility import span
 from swath.runtime.met import QUANTITIES
 from swath.tools.function_test.cells import cells_of, errors_of
+from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.fidelity import levels_of
 from swath.tools.function_test.in_step import is_number
 from swath.tools.function_test.judged import ERROR, beyond
@@ -285,6 +286,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
             Table("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
                     text=ABOUT_MODELS),
         ]),
+        evidence_table(folder),
         Table("Requirements", REQUIREMENTS, needed, (2, 3, 4, 5), ABOUT_REQUIREMENTS),
         Section("Verdicts by layer of the ODD", [_keys(), _layers(found, cells), ABOUT_LAYERS]),
         Section("Attributes, bucket by bucket", [

@@ -1,0 +1,40 @@
+"""What real passes showed: evidence.csv in a folder, and its table on the page there."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from swath.core.whole_file import write_csv
+from swath.documents.text_file import read_text
+from swath.report.html import Table
+from swath.tools.function_test.case import Point
+
+EVIDENCE = "evidence.csv"
+SAID = ("pass", "conditions", "compared", "number", "value", "noise", "unit", "says", "file", "date", "note")
+ABOUT = (
+    "Passes in a real field against the simulation at their conditions. Scans: Wasserstein-1 distance of the "
+    "heights; what lies above the noise is a difference. Logs: root mean square error of the model."
+)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What one pass showed. point: as it was driven; rows: of evidence.csv."""
+
+    point: Point
+    rows: Sequence[Mapping[str, object]]
+
+
+def write_evidence(folder: Path, found: Sequence[Evidence]) -> Path:
+    """Write evidence.csv, which a dossier in the same folder shows."""
+    return write_csv(folder / EVIDENCE, [row for each in found for row in each.rows], SAID)
+
+
+def evidence_table(folder: Path) -> Table:
+    """What is in the evidence.csv of a folder; empty where there is none."""
+    rows = []
+    if (path := folder / EVIDENCE).is_file():
+        read = csv.DictReader(read_text(path, EVIDENCE, "evidence").splitlines())
+        rows = [[row.get(name) or "" for name in SAID] for row in read]
+    return Table("Evidence from the field", SAID, rows, (4, 5), ABOUT)

@@ -1,0 +1,63 @@
+"""`swath test plan-field`: real passes that narrow most how far a simulation may be off."""
+
+import argparse
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from swath.terminal.options import add_folder, add_sets, option
+from swath.tools.function_test.progress import CLUSTER, engine, progress
+
+
+def add(verbs: Any) -> None:
+    """Add the verb."""
+    plan = verbs.add_parser("plan-field", help="which real passes narrow most what a simulation leaves open")
+    option(plan, "source", "the folder of a campaign over an ODD (a dossier), or a case")
+    option(plan, "--runs N", "real passes", 8)
+    option(
+        plan,
+        "--other KEY=VALUE",
+        "level to compare with (default: another of the scanner); several times",
+        [],
+    )
+    option(plan, "--metric NAME", "that levels are compared by", "margin")
+    option(plan, "--pairs N", "conditions at which they are compared", 64)
+    option(plan, "--filled FORM", "passes.csv with what was driven: becomes evidence", type=Path)
+    add_sets(plan, "of every scenario")
+    option(plan, "--seed N", "seed of the draws", 1)
+    add_folder(plan, "plan of the field", text="folder of the results", alone=False)
+    option(plan, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
+    option(plan, "--cluster WHERE", CLUSTER, "")
+    plan.set_defaults(run=_plan)
+
+
+def _plan(args: argparse.Namespace) -> int:
+    from swath.terminal.tables import table
+    from swath.tools.function_test.evidence import write_evidence
+    from swath.tools.function_test.field_plan.form import FORM, NEXT, compared, write_form
+    from swath.tools.function_test.field_plan.page import write_plan
+    from swath.tools.function_test.field_plan.plan import FieldPlan, choose, plan_field, spread
+
+    source = str(Path(args.source).resolve()) if Path(args.source).exists() else args.source
+    asked = FieldPlan(
+        source, tuple(args.other), args.metric, args.runs, args.pairs, tuple(args.sets), args.seed
+    )
+    with progress(2 * args.pairs) as done, engine(args.cluster, args.workers) as client:
+        planned = plan_field(args.out, asked, max(1, args.workers), done, client)
+    if args.filled is not None:
+        evidence = compared(planned, args.filled)
+        for folder in (args.out, *([Path(source)] if Path(source).is_dir() else [])):
+            print(f"evidence  {write_evidence(folder, evidence)}: {len(evidence)} passes")
+        scale = spread(planned.case, planned.conditions)
+        known = [each.point for each in evidence]
+        left = choose(planned.case, planned.conditions, scale, args.runs, known)
+        planned = replace(planned, passes=left)
+    form = write_form(planned, FORM if args.filled is None else NEXT)
+    names = list(planned.case.file.vary)
+    rows = [(str(n), *(str(each.condition.point[name]) for name in names), f"{100 * each.narrows:.0f} %")
+            for n, each in enumerate(planned.passes, 1)]  # fmt: skip
+    table("", ("pass", *names, "narrows"), rows)
+    print(f"form    {form}")
+    print(f"report  {write_plan(planned)}")
+    return 0
