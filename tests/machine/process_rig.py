@@ -42,7 +42,7 @@ class Row(ThreshingProcess):
         return found.component(found.params and found.params(**keys.get(slot, {})), setup)
 
     def step(self, t, dt, inputs):
-        self._sent["settings", "settings"] = self.settings
+        self._bring(("settings", "settings"), self.settings)
         return super().step(t, dt, inputs)
 
 

@@ -83,6 +83,7 @@ class Setting(KeepsState):
     def __init__(self, setup: SiteSetup, **rates: float) -> None:
         self._works, self._crop, self._rates = setup.machine.works, str(setup.field.stand.crop), rates
         self.own = own_settings(self._works, self._crop)
+        self._ones = dict.fromkeys(rates, 1.0)
         self.crop = CROPS.get(self._crop, CROPS["wheat"])
         self._now: dict[str, float] | None = None
 
@@ -92,7 +93,10 @@ class Setting(KeepsState):
 
     def over_own(self, inputs: Inputs, h: float) -> dict[str, float]:
         """Every setting over the manual's after h [s] towards what `settings` wants."""
-        wanted = own_settings(self._works, self._crop, inputs.get("settings"))
+        asked = inputs.get("settings")
+        if asked is None and self._now is None:
+            return self._ones
+        wanted = own_settings(self._works, self._crop, asked)
         now = wanted if self._now is None else self._now
         steps = {name: rate * h for name, rate in self._rates.items()}
         self._now = {n: now[n] + min(max(wanted[n] - now[n], -step), step) for n, step in steps.items()}
@@ -100,8 +104,12 @@ class Setting(KeepsState):
 
 
 class Organ(KeepsState):
-    """A built-in organ: its streams at the start, and the sample of its work."""
+    """A built-in organ: its streams at the start, and the sample of its work.
 
+    inside: what it held when it worked last, as `held` has it
+    """
+
+    inside: Sequence[Sequence[float]] = ()
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     steps_any_length = True
@@ -112,6 +120,7 @@ class Organ(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """Empty; nothing flows."""
         self.start()
+        self.inside = ()
         return {port.name: port.signal(0) for port in self.outputs}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
@@ -124,8 +133,9 @@ class Organ(KeepsState):
 
     def work(self, t: int, h: float, grain: float, mog: float, **more: float) -> OrganWork:
         """What was worked on in a step of h [s] that ended at t [ns]."""
-        held = self.held()
-        return OrganWork(t, grain, mog, h, fsum(p[0] for p in held), fsum(p[1] for p in held), **more)
+        self.inside = self.held()
+        grains, mogs = zip(*self.inside, strict=True) if self.inside else ((), ())
+        return OrganWork(t, grain, mog, h, fsum(grains), fsum(mogs), **more)
 
 
 def in_transport(part: Conveyor | Mixer) -> tuple[float, float]:
