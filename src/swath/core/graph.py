@@ -199,7 +199,9 @@ class Graph:
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"
         if source not in self._names and source not in self.outside:
-            raise WiringError(f"{end}: there is no slot {source}; there are {sorted(self._names)}")
+            raise WiringError(
+                f"{end}: there is no slot {source}: name it in the scenario; there are {sorted(self._names)}"
+            )
         ports = dict(self.outside.get(source, {}))
         if source in self._names:
             ports = {p.name: p for p in self._names[source].component.outputs}

@@ -83,7 +83,7 @@ class Setting(KeepsState):
     def __init__(self, setup: SiteSetup, **rates: float) -> None:
         self._works, self._crop, self._rates = setup.machine.works, str(setup.field.stand.crop), rates
         self.own = own_settings(self._works, self._crop)
-        self._ones = dict.fromkeys(rates, 1.0)
+        self._rest, self._ones = {name: self.own[name] for name in rates}, dict.fromkeys(rates, 1.0)
         self.crop = CROPS.get(self._crop, CROPS["wheat"])
         self._now: dict[str, float] | None = None
 
@@ -94,7 +94,8 @@ class Setting(KeepsState):
     def over_own(self, inputs: Inputs, h: float) -> dict[str, float]:
         """Every setting over the manual's after h [s] towards what `settings` wants."""
         asked = inputs.get("settings")
-        if asked is None and self._now is None:
+        if asked is None and (self._now is None or self._now is self._rest):
+            self._now = self._rest
             return self._ones
         wanted = own_settings(self._works, self._crop, asked)
         now = wanted if self._now is None else self._now
