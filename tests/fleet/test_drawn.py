@@ -1,19 +1,21 @@
 """Whole jobs that were drawn: they end, nothing touches, no grain is lost; however the field lies."""
 
 import json
+import math
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.fleet.command import FILES
 from swath.fleet.driven import _Mover, driven
-from swath.fleet.files import FleetSettings, read_job
+from swath.fleet.files import FieldSettings, FleetSettings, TruckSettings, read_job
 from swath.fleet.ground import shapely_here
 from swath.fleet.report import write_result
-from swath.fleet.schedule import schedule_of
+from swath.fleet.schedule import Scheduler, schedule_of
 from swath.fleet.worked import by_events
 from tests.fleet.changed import mirrored, turned
 from tests.fleet.check import looked_at
@@ -189,3 +191,17 @@ def test_who_is_done_does_not_hold_the_way_of_the_last_grain():
     homewards = [s.number for s in segments if s.machine not in carts and s.kind == "to its place"]
     assert homewards
     assert min(homewards) > last
+
+
+@pytest.mark.parametrize("hectares", [1.0, 10.0])
+def test_a_way_is_opened_to_a_round_without_corners(hectares):
+    """No pass of it begins at the edge, and crop stands all round."""
+    far = math.sqrt(hectares * 1e4 / math.pi)
+    ring = [(far * math.cos(a), far * math.sin(a)) for a in np.linspace(0.0, 6.2, 100).tolist()]
+    job = replace(
+        drawn_job(128, SMALL), field=FieldSettings(ring), truck=TruckSettings(x_m=-far - 30.0, y_m=20.0)
+    )
+    made = Scheduler(job, None)
+    c = made.combines[0]
+    legs = made.next_legs(c)
+    assert any(made.with_way(c, leg, 0.0) is not None for leg in legs)

@@ -55,7 +55,7 @@ class Params:
     round: float = 1.5
     part: float = 0.5
     look_m: float = 1.0
-    opens_m: float = 45.0
+    opens_m: float = 120.0
     bent_m: float = 0.5
     covers: float = 0.5
 
@@ -264,15 +264,11 @@ class _Planner:
             self._leg([middles[first], *around, middles[first]], 0.0, most, ring, number)
 
     def _opened(self, places: Array, sides: Array) -> Array:
-        """How far crop stands straight behind places, driven along their sides, (n,) [m]; as far as the field
-        is wide where that is more than an opening.
-        """
+        """How far crop stands straight behind places, driven along their sides, (n,) [m]."""
         shapely = shapely_here()
         back = PARAMS.opens_m * sides / np.hypot(*sides.T)[:, None]
         lines = shapely.linestrings(np.stack([places, places - back], axis=1))
-        crop = shapely.length(shapely.intersection(lines, self.ground.field))
-        is_open = crop < 0.99 * PARAMS.opens_m
-        return np.asarray(np.where(is_open, crop, self.ground.field.length))
+        return np.asarray(shapely.length(shapely.intersection(lines, self.ground.field)))
 
     def _leg(self, points: Sequence[Any], more: float, most: float, ring: Any, number: int) -> None:
         """Passes along a line that is longer at both ends [m], as far as the ring of this round reaches.

@@ -612,13 +612,14 @@ class Scheduler:
         """
         back, body = c.knife - c.body.own[0].front, c.body.own[0].left - c.body.own[0].right
         start = Place(*task.start, task.heading, task.heading)
-        far = np.arange(math.ceil(PLAN.opens_m / back) + 1) * -back
+        opens = PLAN.opens_m if task.via else back
+        far = np.arange(math.ceil(opens / back) + 1) * -back
         marks = [start.ahead(d)[:2] for d in far.tolist()]
         between = [Pass(b, a, body, task.kind) for a, b in pairwise(marks)]
         crop = self.ground.crop_on((c.name, between[0]), np.array([strip_of(p) for p in between]))
         if crop[0] <= SLIVER:
             return task
-        clear = np.flatnonzero((crop <= SLIVER) & (task.kind == HEADLAND))
+        clear = np.flatnonzero(crop <= SLIVER)
         return replace(task, start=marks[clear[0] if len(clear) else 1])
 
     def only_cut(self, c: CombineState, planned: Pass, task: Pass) -> _Leg | None:
