@@ -18,8 +18,8 @@ from tests.test_docs import LINES
 
 MODULES = {
     "can": "can", "fmi": "fmpy", "foxglove": "foxglove", "geo": "rasterio", "gym": "gymnasium",
-    "las": "laspy", "mesh": "trimesh", "odd": "openodd", "osi": "osi3", "ros2": "rclpy", "test": "scipy",
-    "tune": "optuna", "view": "websockets",
+    "las": "laspy", "mesh": "trimesh", "mf4": "asammdf", "odd": "openodd", "osi": "osi3", "ros2": "rclpy",
+    "test": "scipy", "tune": "optuna", "view": "websockets",
 }  # fmt: skip
 OWN = {p.name for part in ("how-to", "tutorials") for p in (ROOT / "docs" / part).glob("*.md")} | {
     "README.md"
