@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from swath.core.component import Port
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
-from swath.machine.organ import linked_cleaning
+from swath.machine.organ import added, linked_cleaning
 from swath.scenario.machine_types import ORGANS
 from swath.scenario.slots import CATALOGUE
 from swath.signals import CropStream, MachineLoad
@@ -106,3 +106,8 @@ def test_a_row_goes_on_exactly_from_what_it_saved():
     two.process.load(one.process.save())
     two.t, two.x, two.speed = one.t, one.x, one.speed
     assert [one.step(2.0) for _ in range(60)] == [two.step(2.0) for _ in range(60)]
+
+
+def test_organs_of_another_rate_are_refused():
+    with pytest.raises(SwathError, match="one rate_hz of all organs"):
+        added(())

@@ -64,7 +64,11 @@ def masses(streams: Sequence[CropStream]) -> Masses:
 
 
 def added(samples: Sequence[S]) -> S:
-    """Samples as one: amounts added up, the rest from the newest."""
+    """Samples as one: amounts added up, the rest from the newest. SwathError without any."""
+    if not samples:
+        raise SwathError(
+            "an organ sent nothing within a step of who takes it: expected one rate_hz of all organs"
+        )
     newest = samples[-1]
     if len(samples) == 1:
         return newest
