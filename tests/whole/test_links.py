@@ -50,13 +50,14 @@ WRITES = {
     "scan": "scan {s} --out {new}",
     "dataset": "dataset straight --count 1 --width-px 64 --height-px 48 --out {new}",
     "field export": "field export {s} --to sdf --out {new}/world",
+    "run-log": "run-log {run} --out {new}/log.asc",
     "yield-log": "yield-log {run} --out {new}/log.csv --interval-s 0.1",
     "fmu export": "fmu export {s} --slot process --out {new}/x.fmu",
     "ros2 package": "ros2 package --out {new}",
     "osi": "osi {run} --out {new}/x.osi",
     "schema": "schema --out {new}/schema.json",
 }
-READS = ("report", "view", "branch", "diff", "rerun", "yield-log", "osi", "height-map build")
+READS = ("report", "view", "branch", "diff", "rerun", "run-log", "yield-log", "osi", "height-map build")
 # Those that take long or need other input; they write with the same functions, as the last test here holds.
 OTHERS = {
     "paper",
@@ -69,11 +70,13 @@ OTHERS = {
     "test work",
     "test report",
     "test again",
+    "test plan-field",
+    "tune",
 }
 NOTHING = {
     "scenarios", "docs", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
-    "test compare", "odd check", "fmu show", "fmu check", "ros2 play", "can box", "can listen", "can dbc",
-    "completion",
+    "test compare", "test levels", "odd check", "fmu show", "fmu check", "ros2 play", "can box", "can listen",
+    "can dbc", "completion",
 }  # fmt: skip
 
 

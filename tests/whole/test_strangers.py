@@ -145,6 +145,7 @@ class Folder:
             "test search": [[case, "--out", next(new)]],
             "test estimate": [[case, "--out", next(new)]],
             "test levels": [[case]],
+            "test plan-field": [[case, "--out", next(new)]],
             "tune": [[case, "--param", "combine.speed.speed_kmh=4..6", "--out", next(new)]],
             "test work": [[tests, "--shard", "1/1"]],
             "test report": [[tests]],

@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
 
     with Extra("shell", "swath completion"):
         import shtab
-    print(shtab.complete(args.parser, args.shell))
+    print(shtab.complete(args.make_parser()[0], args.shell))
     return 0
 
 

@@ -209,7 +209,7 @@ def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[st
         option(each, "--allow-code", ALLOW_CODE)
         option(each, "--allow-address ADDRESS", ALLOW_ADDRESS, action="append")
         each.add_argument("--no-code", action="store_true", help=argparse.SUPPRESS)  # of version 0.2
-    parser.set_defaults(parser=parser)
+    parser.set_defaults(make_parser=make_parser)
     return parser, list(known)
 
 

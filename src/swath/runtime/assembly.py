@@ -48,6 +48,7 @@ from swath.runtime.field_state import begin_field
 from swath.runtime.kept import KeptFields
 from swath.runtime.scene import Walkers, scene_nodes
 from swath.runtime.world import Machine, World
+from swath.scenario.machine_types import ORGANS
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
 from swath.scenario.sections import StartPose
@@ -379,7 +380,7 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     control = ControlSetup(place.sheet, mountings, side, period, height, lines, rows)
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
-        offered, gives = _offered(choice), choice.kind.outputs
+        offered, gives = _offered(choice, section), choice.kind.outputs
         ground = None if choice.kind.is_control else site.field.terrain.height
         to_local = None if site.origin is None else site.origin.to_field
         return LinkSetup(
@@ -429,10 +430,15 @@ def _mountings(place: _Place, choice: SlotChoice) -> dict[str, Pose]:
     return {port: place.mountings[slot] for port, slot in wired.items() if slot in place.mountings}
 
 
-def _offered(choice: SlotChoice) -> tuple[Port, ...]:
-    """The ports that the wires of a slot bring, without the truth where it is control; each optional."""
+def _offered(choice: SlotChoice, section: MachineSection) -> tuple[Port, ...]:
+    """The ports that the wires of a slot bring, without organs that the machine does not have, and without
+    the truth where it is control; each optional.
+    """
+    organs = {f"{section.name}.{organ}" for organ in ORGANS if organ not in section.present}
     offered = []
     for port, (source, output) in choice.wires.items():
+        if source in organs:
+            continue
         kind = kind_of(source.rpartition(".")[2])
         gives = {} if kind is None else {p.name: p for p in (*kind.outputs, *kind.more)}
         sent = gives.get(output)

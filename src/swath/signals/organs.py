@@ -15,7 +15,7 @@ class CropStream(Signal):
     broken: Annotated[float, Quantity("kg", "broken grain, of the free one", is_amount=True)] = 0.0
     straw: Annotated[float, Quantity("kg", "long straw", is_amount=True)] = 0.0
     short: Annotated[float, Quantity("kg", "short straw", is_amount=True)] = 0.0
-    chaff: Annotated[float, Quantity("kg", "chaff", is_amount=True)] = 0.0
+    chaff: Annotated[float, Quantity("kg", "chaff: husks and leaf", is_amount=True)] = 0.0
     dt: Annotated[float, Quantity("s", "length of the step", is_amount=True)] = 0.0
     grain_moisture: Annotated[float, Quantity("", "water, share of the wet grain", span=SHARE)] = 0.14
     straw_moisture: Annotated[float, Quantity("", "water, share of the wet straw", span=SHARE)] = 0.12

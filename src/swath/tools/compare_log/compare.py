@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import atan, cos, sin
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal, cast
 
 import numpy as np
@@ -184,7 +185,9 @@ class Drive:
 
 
 class _Ground:
-    """Takes the straw and forgets it: a log has no field."""
+    """Takes the straw and forgets it: a log has no field, and its crop is the machine's."""
+
+    stand = SimpleNamespace(crop="")
 
     def deposit_straw(self, polygon: Any, mass: float, /, *, heading: float | None = None) -> None:
         """Nothing to do."""
