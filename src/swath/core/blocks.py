@@ -43,7 +43,7 @@ class TakesBlocks(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class TakesSome(Protocol, metaclass=ByMembers):
-    """One that takes not everything."""
+    """An observer that takes samples of some types or slots alone."""
 
     def takes(self, slot: str, kind: type[Signal]) -> bool:
         """Whether it takes samples of a type from a slot."""

@@ -124,11 +124,15 @@ class Plan:
         write_whole(path, json.dumps(rows, indent=1) + "\n")
 
 
+def _points(rows: Sequence[Sequence[float]]) -> tuple[Any, ...]:
+    return tuple(map(tuple, rows))
+
+
 def read_plan(path: Path) -> Plan:
     """A plan as `Plan.write` has it."""
     rows = read_json(path, "plan", "a plan")
     passes = tuple(
-        Pass(**p | {"start": tuple(p["start"]), "end": tuple(p["end"]), "via": tuple(map(tuple, p["via"]))})
+        Pass(**{**p, "start": tuple(p["start"]), "end": tuple(p["end"]), "via": _points(p.get("via", ()))})
         for p in rows["passes"]
     )
     return Plan(passes, rows["area_m2"], rows["left_m2"])

@@ -88,7 +88,7 @@ class Climb(KeepsState):
 
     def _judge(self, loss: float) -> None:
         """Keep the trial or go back, and on to the next one. loss: over the feed."""
-        name = list(self._steps)[self._turn % len(self._steps)]
+        name = self._name
         if self._tried and loss > self._best * (1.0 - self._p.better_percent * PERCENT):
             self._now[name] -= self._signs[name] * self._steps[name]
             self._signs[name] *= -1.0
@@ -99,10 +99,14 @@ class Climb(KeepsState):
             self._best = loss
         self._try()
 
+    @property
+    def _name(self) -> str:
+        """The setting whose turn it is."""
+        return list(self._steps)[self._turn % len(self._steps)]
+
     def _try(self) -> None:
         """A step of the setting whose turn it is; where the range ends, the other way."""
-        names = list(self._steps)
-        name = names[self._turn % len(names)]
+        name = self._name
         step, start = self._signs[name] * self._steps[name], self._start[name]
         if abs(self._now[name] + step - start) > self._p.range_percent * PERCENT * start:
             self._signs[name] *= -1.0

@@ -39,9 +39,9 @@ from swath.tools.function_test.verdict import SHOWN
 ASKED, PAIRS = "plan-field.json", "pairs"
 CASE_IS, OTHER = "as it is", "other"  # candidates: the case, and with other levels
 LENGTH = 0.25  # of a condition's range, over which its effect changes; estimated
-MOST = (
-    0.9  # share of the differences between levels that are smaller than what a level never checked may be off
-)
+# Share of the differences between levels that are smaller than what a level never checked may be off by;
+# estimated.
+MOST = 0.9
 RETRIES = 200  # draws of conditions until some lie inside the ODD
 
 
