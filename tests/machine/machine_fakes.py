@@ -10,6 +10,7 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.cut_result import Cut
 from swath.field.footprint import Footprint
+from swath.field.moisture import Moisture
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.machine.sweep import signed_area
@@ -40,6 +41,7 @@ class Ground:
     straw: list = field(default_factory=list)
     grain: list = field(default_factory=list)
     stand: object = field(default_factory=lambda: SimpleNamespace(crop="wheat"))
+    moisture: Moisture = field(default_factory=Moisture)
 
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))

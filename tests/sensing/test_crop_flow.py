@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
+from swath.field.moisture import Moisture
 from swath.sensing.crop_flow.delayed import PRESETS, DelayedCropFlow, Params
 from swath.signals import MachineLoad
 
 STEP = 100_000_000
-SETUP = SimpleNamespace(period=0.1)
+SETUP = SimpleNamespace(period=0.1, field=SimpleNamespace(moisture=Moisture()))
 EXACT = {name: 0.0 for name in Params.__dataclass_fields__ if not name.startswith("moisture_percent")}
 
 

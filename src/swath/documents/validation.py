@@ -132,9 +132,22 @@ def validate(kind: Any, data: Any, path: KeyPath, document: Document) -> tuple[A
     except ValidationError as error:
         raw = sorted(error.errors(include_url=False), key=lambda e: e["type"] not in _UNKNOWN)
         found = [_translate(e, kind, data, path, document) for e in raw[:MOST_ERRORS]]
-        return None, found
+        return None, _one_each(found)
     except InputError as error:  # raised by a __post_init__
         return None, [_under(error, path, document)]
+
+
+def _one_each(errors: list[InputError]) -> list[InputError]:
+    """Where a choice of types fits nothing: what is wrong furthest inside, or all that a value may be."""
+    kept: dict[str, InputError] = {}
+    for e in errors:
+        if any(other.key.startswith(f"{e.key}.") for other in errors):
+            continue
+        same = kept.setdefault(e.key, e)
+        if same.expected != e.expected:
+            text = f"{same.expected} or {e.expected.removeprefix('expected ')}"
+            kept[e.key] = InputError(e.key, e.value, text, file=e.file, line=e.line)
+    return list(kept.values())
 
 
 def _translate(error: Any, kind: Any, data: Any, path: KeyPath, document: Document) -> InputError:

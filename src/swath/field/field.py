@@ -23,6 +23,7 @@ from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
 from swath.field.height_bounds import update_tops
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
+from swath.field.moisture import Moisture
 from swath.field.pages import KeptPages, PageStore
 from swath.field.profile import Profile, refused
 from swath.field.recount import recount_pages
@@ -46,8 +47,8 @@ class Field:
         by `stand_yaw` [rad] about z
     edges: of the crop at the start, by name
     crop_height, seen_height: usual ones of the crop, standing upright [m]: of its tips, as a scanner sees it
-        grain: on the ground; wind: what sways the stand; the library and the pages know nothing of it Pages
-        come into memory by `ensure`, and by themselves where any verb touches the field.
+        grain: on the ground; moisture: of the stand; wind: what sways it; the library and the pages know
+        nothing of it Pages come into memory by `ensure`, and by themselves where any verb touches the field.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class Field:
         self.edges: Edges = edges
         self.library = library
         self.stand_yaw = float(stand.row_heading)
+        self.moisture: Moisture = getattr(stand, "moisture", Moisture())
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw)
         self.straw_density, self.crop_height, self.seen_height = straw_density, crop_height, seen_height
         self.stems = StemIndex(library, straw_exponent)

@@ -11,6 +11,7 @@ from swath.core.registry import Level
 from swath.core.units import DEG
 from swath.field.crop_sheet import Weeds
 from swath.field.field_setup import FieldSetup, drilled, from_azimuth
+from swath.field.moisture import Moisture
 from swath.field.plants.drawing import Detail
 from swath.field.wind import Wind
 
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(Moisture):
     """The same stand everywhere.
 
     crop: a bundled crop sheet or your own file, whose plants may be meshes (docs/explanation/crops.md)
@@ -55,6 +56,7 @@ class Uniform:
         )
         self.weeds, self.wind, self.detail = params.weeds, params.wind, params.detail
         self.row_heading = from_azimuth(params.row_azimuth_deg)
+        self.moisture: Moisture = params
         self._factor = params.height_factor
         self._lean = params.lean_deg * DEG, from_azimuth(params.lean_azimuth_deg)
 

@@ -4,16 +4,13 @@ The header delays by delay_n (F / F_n)^-exponent, the feeder house is plug flow;
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import fsum
-from typing import Annotated
-
-from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.units import PERCENT
+from swath.field.moisture import Percent
 from swath.field.site_setup import SiteSetup
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.organ import ENGINE, JOINED, Organ, given, ratio_of
@@ -21,19 +18,18 @@ from swath.machine.transport import Conveyor, Masses, Mixer, flow_delay
 from swath.signals import CropFlow, CropStream
 
 FLOW = Port("flow", CropFlow, history=True)
-Moisture = Annotated[float, Ge(0), Le(60)]
 
 
 @dataclass(frozen=True)
 class Params:
-    """What the crop is like that comes in.
+    """What the crop is like that comes in; none = as the stand is.
 
     grain_moisture_percent: water in the grain, share of the wet mass
     straw_moisture_percent: water in the straw, share of the wet mass
     """
 
-    grain_moisture_percent: Moisture = 14.0
-    straw_moisture_percent: Moisture = 12.0
+    grain_moisture_percent: Percent | None = None
+    straw_moisture_percent: Percent | None = None
 
 
 class Feeder(Organ):
@@ -47,7 +43,8 @@ class Feeder(Organ):
         drivetrain = drivetrain_of(setup.machine)
         t = self._transport = drivetrain.transport
         self._consumers, self._width = drivetrain.consumers, setup.machine.header_width
-        self._moisture = {name.removesuffix("_percent"): v * PERCENT for name, v in vars(params).items()}
+        own = {name: percent for name, percent in vars(params).items() if percent is not None}
+        self._moisture = replace(setup.field.moisture, **own)
         self._spread = Mixer(2)
         self._header = Conveyor(1.0, 2, joined=JOINED)
         self._feeder = Conveyor(t.feeder, 2, joined=JOINED)
@@ -64,7 +61,7 @@ class Feeder(Organ):
         gathered, fed = self._pass_on(masses, h, ratio_of(inputs))
         c = self._consumers
         power = c.header_width * self._width + c.header_work * (fsum(masses) / h)
-        stream = CropStream(t + dt, unthreshed=fed[0], straw=fed[1], dt=h, **self._moisture)
+        stream = CropStream(t + dt, unthreshed=fed[0], straw=fed[1], dt=h, **self._moisture.at(t + dt))
         return {"fed": stream, "work": self.work(t + dt, h, *gathered, power=power)}
 
     def held(self) -> Sequence[Sequence[float]]:

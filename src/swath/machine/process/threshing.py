@@ -22,6 +22,7 @@ from swath.scenario.slots import SLOTS
 from swath.signals import MachineLoad, OrganWork
 
 OUTSIDE = {"flow": ("header", "flow"), "state": ("motion", "state"), "engine": ("powertrain", "engine")}
+DRY = 12.0  # moisture of the straw at which `Drum` and `Rotors` take no factor for it [%]
 WIRES = {slot.name: slot.wires for slot in SLOTS}
 
 
@@ -29,8 +30,8 @@ WIRES = {slot.name: slot.wires for slot in SLOTS}
 class Params(organs.Params):
     """Threshing, separation and cleaning.
 
-    threshability: factor on threshing and separation [1]; 1 = dry wheat, 0.8 = moist straw in the evening,
-        where losses are 2 to 4 times as high
+    threshability: factor on threshing and separation [1]; 1 = as the stand's straw is moist, another one in
+        place of that: 0.8 = moist straw in the evening, where losses are 2 to 4 times as high
     """
 
     threshability: Threshability = 1.0
@@ -46,9 +47,10 @@ class ThreshingProcess(organs.Organs):
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
         drum = DrumParams(params.threshability, ears_through_percent=0.0)
+        straw = None if params.threshability == 1.0 else DRY  # what it is set to stands in place of moisture
         self._organs: dict[str, Organ] = {  # in the order of their slots
             "returns": Returns(None, setup),
-            "feeder": Feeder(FeederParams(), setup),
+            "feeder": Feeder(FeederParams(straw_moisture_percent=straw), setup),
             "threshing": Drum(drum, setup),
             "separation": Rotors(RotorParams(params.threshability, short_percent=0.0), setup),
             "cleaning": Shoe(None, setup),

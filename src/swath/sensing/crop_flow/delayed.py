@@ -13,6 +13,7 @@ from swath.core.random import Normals, Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
+from swath.field.moisture import Moisture
 from swath.field.site_setup import SiteSetup
 from swath.signals import FeedReading, LossReading, MachineLoad, YieldReading
 
@@ -37,7 +38,7 @@ class Params:
     yield_lag_s: its time constant
     yield_scale_percent: standard deviation of its scale error
     yield_noise_percent: standard deviation of its noise, of the reading
-    moisture_percent: water in the grain, share of the wet mass; 12-16 % at harvest
+    moisture_percent: water in the grain, share of the wet mass; none = the stand's
     moisture_delay_s: dead time of the moisture sensor, a chamber that fills and empties
     moisture_lag_s: its time constant
     moisture_scale_percent: standard deviation of its scale error
@@ -58,7 +59,7 @@ class Params:
     yield_lag_s: Seconds = 1.0
     yield_scale_percent: Share = 2.0
     yield_noise_percent: Share = 2.0
-    moisture_percent: Annotated[float, Ge(0), Le(50)] = 14.0
+    moisture_percent: Annotated[float, Ge(0), Le(50)] | None = None
     moisture_delay_s: Seconds = 10.0
     moisture_lag_s: Seconds = 15.0
     moisture_scale_percent: Share = 2.0
@@ -79,7 +80,9 @@ class DelayedCropFlow(KeepsState):
     outputs = (Port("feed", FeedReading), Port("grain", YieldReading), Port("loss", LossReading))
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._moisture = params.moisture_percent * PERCENT
+        own = params.moisture_percent
+        stand = setup.field.moisture
+        self._moisture = stand if own is None else Moisture(grain_moisture_percent=own)
         given = vars(params)
         self._delay, self._lag, scale, noise = (
             np.array([given.get(f"{sensor}_{what}", 0.0) for sensor in SENSORS])
@@ -115,8 +118,9 @@ class DelayedCropFlow(KeepsState):
     def truth(self, load: MachineLoad) -> list[float]:
         """Feed, grain [kg/s], moisture, tank level, losses of separation and of cleaning [kg/s]."""
         rotors = load.threshing_loss + load.separation_loss
+        moisture = self._moisture.at(load.t)["grain_moisture"]
         return [
-            *(load.feeder_flow, load.grain_flow, self._moisture, load.tank_level),
+            *(load.feeder_flow, load.grain_flow, moisture, load.tank_level),
             *(rotors, load.cleaning_loss),
         ]
 

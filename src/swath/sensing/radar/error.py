@@ -108,7 +108,7 @@ RAIN = {"low": (0.148, 1.0), "high": (1.08, 0.72)}  # dB/km = k R^a: 3.7 and 11 
 class Params(IdealParams):
     """What weakens a radar's echoes, and its noise.
 
-    straw_moisture_percent: water of the straw, of its wet mass
+    straw_moisture_percent: water of the straw, of its wet mass; none = the stand's at the start
     straw_wall: thickness of the stems' walls, 0 thin to 1 thick [1]
     stand_loss_percent: share of the derived loss in the crop that counts; 0 = the radar sees through the crop
     rain_mm_h: rain, which weakens echoes over the distance
@@ -117,7 +117,7 @@ class Params(IdealParams):
         exactly, without false alarms
     """
 
-    straw_moisture_percent: Annotated[float, Ge(0), Le(80)] = 12.0
+    straw_moisture_percent: Annotated[float, Ge(0), Le(80)] | None = None
     straw_wall: Annotated[float, Ge(0), Le(1)] = 0.5
     stand_loss_percent: Annotated[float, Ge(0), Le(300)] = 100.0
     rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
@@ -150,7 +150,8 @@ class ErrorRadar(IdealRadar):
         super().__init__(params, setup)
         self._e, self._is_noisy = params, params.noise == "data_sheet"
         high = self.sheet.frequency > 50e9
-        moisture = params.straw_moisture_percent * PERCENT
+        own = params.straw_moisture_percent
+        moisture = setup.field.moisture.at(0)["straw_moisture"] if own is None else own * PERCENT
         factor = wave_factor(self.sheet.frequency, self.sheet.polarisation, moisture, params.straw_wall)
         self.wave = factor * params.stand_loss_percent * PERCENT
         k, a = RAIN["high" if high else "low"]

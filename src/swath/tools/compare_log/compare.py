@@ -23,6 +23,7 @@ from swath.core.schedule import NS
 from swath.core.units import RPM, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field.field import Field
+from swath.field.moisture import Moisture
 from swath.field.site_setup import SiteSetup
 from swath.field_io.machine_log import MachineLog, read_machine_log
 from swath.judge.evaluators.drivetrain import DIESEL
@@ -188,6 +189,7 @@ class _Ground:
     """Takes the straw and forgets it: a log has no field, and its crop is the machine's."""
 
     stand = SimpleNamespace(crop="")
+    moisture = Moisture()
 
     def deposit_straw(self, polygon: Any, mass: float, /, *, heading: float | None = None) -> None:
         """Nothing to do."""

@@ -1,0 +1,53 @@
+"""Water in the grain and the straw of a stand, a number or by the hour."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le, MinLen
+
+from swath.core.errors import InputError
+from swath.core.schedule import NS
+from swath.core.units import PERCENT
+
+Percent = Annotated[float, Ge(0.0), Le(80.0)]
+Hour = Annotated[float, Ge(0.0), Le(24.0)]
+ByHour = Percent | Annotated[tuple[tuple[Hour, Percent], ...], MinLen(1)]
+DAY, HOUR = 24.0, 3600.0  # [h], [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moisture:
+    """Moisture of a stand. A part of a machine that has a key of its own for it takes that where it is set.
+
+    grain_moisture_percent: water in the grain, share of the wet mass; a number, or pairs of hour of the day
+        and percent, linear between them
+    straw_moisture_percent: water in the straw, likewise; 25 at dew and 11 at noon are usual, an estimate
+    start_hour: time of day at the start of the run, for what goes by the hour
+    """
+
+    grain_moisture_percent: ByHour = 14.0
+    straw_moisture_percent: ByHour = 12.0
+    start_hour: Hour = 12.0
+
+    def __post_init__(self) -> None:
+        for key in ("grain_moisture_percent", "straw_moisture_percent"):
+            pairs = getattr(self, key)
+            hours = [hour for hour, _ in pairs] if isinstance(pairs, tuple) else []
+            if hours != sorted(set(hours)):
+                raise InputError(key, hours, "expected hours that rise")
+
+    def at(self, t: int) -> dict[str, float]:
+        """`grain_moisture` and `straw_moisture` at a time [ns] of the run, shares of the wet mass."""
+        hour = self.start_hour + t / NS / HOUR
+        return {
+            "grain_moisture": PERCENT * _percent(self.grain_moisture_percent, hour),
+            "straw_moisture": PERCENT * _percent(self.straw_moisture_percent, hour),
+        }
+
+
+def _percent(given: ByHour, hour: float) -> float:
+    if not isinstance(given, tuple):
+        return given
+    hours, percents = np.array(given).T
+    return float(np.interp(hour, hours, percents, period=DAY))
