@@ -270,5 +270,5 @@ def test_saved_process_goes_on_exactly():
 def test_a_machine_without_works_is_refused():
     machine = site().machine
     bare = MachineGeometry(**{k: getattr(machine, k) for k in MachineGeometry.__dataclass_fields__})
-    with pytest.raises(InputError, match="threshing"):
+    with pytest.raises(InputError, match="`engine`"):
         ThreshingProcess(Params(), site(machine=bare))

@@ -5,7 +5,7 @@ out of a sheet; the levels that need them then say so.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from swath.core.errors import InputError
 from swath.documents.data_sheets import Sheet
 from swath.documents.sheet_fields import Quantity, Section
 from swath.signals.setup import MachineGeometry
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,14 +175,14 @@ def tank_of(machine: MachineGeometry) -> Bulk:
 
 @dataclass(frozen=True, kw_only=True)
 class Drivetrain:
-    """Engine, what it drives and how crop goes through the machine."""
+    """Engine, what it drives and how crop goes through the machine. None: it does not thresh, or clean."""
 
     engine: Annotated[Engine, Section("engine.")]
     consumers: Annotated[Consumers, Section("power.")]
     hydrostat: Annotated[Hydrostat, Section("hydrostat.")]
     transport: Annotated[Transport, Section("transport.")]
-    threshing: Annotated[Threshing, Section("threshing.")]
-    cleaning: Annotated[Cleaning, Section("cleaning.")]
+    threshing: Annotated[Threshing | None, Section("threshing.", when="threshing")]
+    cleaning: Annotated[Cleaning | None, Section("cleaning.", when="cleaning")]
     bulk: Annotated[Bulk, Section("tank.")]
     unload: Annotated[Unloading, Section("unloading.")]
 
@@ -207,9 +209,28 @@ def drivetrain_of(machine: MachineGeometry) -> Drivetrain:
     """The drivetrain of a machine. InputError for a data sheet without it."""
     drivetrain = getattr(machine, "drivetrain", None)
     if not isinstance(drivetrain, Drivetrain):
-        name = getattr(machine, "name", type(machine).__name__)
-        raise InputError("machine", name, "expected a machine data sheet with `engine` and `threshing`")
+        raise InputError("machine", _name(machine), "expected a machine data sheet with `engine`")
     return drivetrain
+
+
+def threshing_of(machine: MachineGeometry) -> Threshing:
+    """How a machine threshes. InputError where its data sheet does not say."""
+    return _needed(machine, drivetrain_of(machine).threshing, "threshing")
+
+
+def cleaning_of(machine: MachineGeometry) -> Cleaning:
+    """How a machine cleans grain. InputError where its data sheet does not say."""
+    return _needed(machine, drivetrain_of(machine).cleaning, "cleaning")
+
+
+def _needed(machine: MachineGeometry, part: T | None, section: str) -> T:
+    if part is None:
+        raise InputError("machine", _name(machine), f"expected a machine data sheet with `{section}`")
+    return part
+
+
+def _name(machine: MachineGeometry) -> str:
+    return str(getattr(machine, "name", type(machine).__name__))
 
 
 def check_drivetrain(sheet: Sheet) -> None:

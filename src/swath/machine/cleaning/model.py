@@ -21,7 +21,7 @@ from swath.core.units import MM, PERCENT, RPM
 from swath.field.site_setup import SiteSetup
 from swath.machine.cleaning import overload
 from swath.machine.cleaning.overload import RETURNS_MAX, Shares, Shoe, shoe_load
-from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.machine.drivetrain_sheet import threshing_of
 from swath.machine.organ import SETTINGS, Setting, ratio_of
 
 Rate = Annotated[float, Ge(0), Le(50)]
@@ -71,7 +71,7 @@ class AirShoe(Shoe):
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
         p = self._p = params
-        d = drivetrain_of(setup.machine).threshing
+        d = threshing_of(setup.machine)
         self._mog = d.straw * d.chaff  # on the shoe at the nominal flow [kg/s]
         sieve = p.opening_mm_s * MM
         self._set = Setting(setup, fan=p.speed_rpm_s * RPM, upper=sieve, lower=sieve)

@@ -10,7 +10,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.machine import SLOPES
-from swath.machine.drivetrain_sheet import Cleaning, drivetrain_of
+from swath.machine.drivetrain_sheet import Cleaning, cleaning_of, drivetrain_of
 from swath.machine.organ import (
     ENGINE,
     JOINED,
@@ -53,8 +53,8 @@ class Shoe(Organ):
     outputs = given("clean", "returned", "over")
 
     def __init__(self, params: Any, setup: SiteSetup) -> None:
-        drivetrain = drivetrain_of(setup.machine)
-        self._c, self._power = drivetrain.cleaning, drivetrain.consumers.cleaning
+        self._c = cleaning_of(setup.machine)
+        self._power = drivetrain_of(setup.machine).consumers.cleaning
         self._shoe = Conveyor(self._length(setup), len(SHARED), joined=JOINED)
 
     def _length(self, setup: SiteSetup) -> float:

@@ -17,7 +17,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, MM, PERCENT, RPM
 from swath.field.site_setup import SiteSetup
-from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.machine.drivetrain_sheet import drivetrain_of, threshing_of
 from swath.machine.organ import (
     ENGINE,
     SETTINGS,
@@ -165,7 +165,7 @@ class Rotors(Organ):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         drivetrain, p = drivetrain_of(setup.machine), params
-        d = self._d = drivetrain.threshing
+        d = self._d = threshing_of(setup.machine)
         self._p, self._work = p, drivetrain.consumers.separation_work
         self._set = Setting(
             setup, drum=p.speed_rpm_s * RPM, concave=p.opening_mm_s * MM, vane=p.vane_deg_s * DEG

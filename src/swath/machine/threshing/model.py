@@ -19,7 +19,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import MM, PERCENT, RPM
 from swath.field.site_setup import SiteSetup
-from swath.machine.drivetrain_sheet import drivetrain_of
+from swath.machine.drivetrain_sheet import drivetrain_of, threshing_of
 from swath.machine.organ import ENGINE, SETTINGS, Organ, Setting, crop, given, moisture, ratio_of, sent
 
 Threshability = Annotated[float, Ge(0.2), Le(3)]
@@ -111,7 +111,7 @@ class Drum(Organ):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         drivetrain = drivetrain_of(setup.machine)
-        self._p, self._d = params, drivetrain.threshing
+        self._p, self._d = params, threshing_of(setup.machine)
         self._work = drivetrain.consumers.drum_work
         self._set = Setting(setup, drum=params.speed_rpm_s * RPM, concave=params.opening_mm_s * MM)
         self._rim = self._set.own["drum"] * setup.machine.works.radius
