@@ -1,9 +1,9 @@
 """What the organs of a combine have in common, and one from elsewhere (an FMU, ROS 2, a log) in their row."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import fsum
-from operator import attrgetter
+from operator import add, attrgetter
 from typing import Any, TypeVar
 
 from swath.core.abilities import Closes, HasNotes, StepsAnyLength
@@ -44,22 +44,24 @@ def ratio_of(inputs: Inputs) -> float:
     return 1.0 if engine is None else engine.speed_ratio
 
 
-def moisture(streams: Sequence[CropStream]) -> dict[str, float]:
-    """Moistures of the newest sample, which what is sent on has, too."""
+def moisture(streams: Sequence[CropStream]) -> tuple[float, float]:
+    """Moistures of grain and straw of the newest sample, which what is sent on has, too."""
     newest = streams[-1] if streams else CropStream(0)
-    return {"grain_moisture": newest.grain_moisture, "straw_moisture": newest.straw_moisture}
+    return newest.grain_moisture, newest.straw_moisture
 
 
-def sent(t: int, h: float, masses: Sequence[float], wet: Mapping[str, float]) -> CropStream:
+def sent(t: int, h: float, masses: Sequence[float], wet: tuple[float, float]) -> CropStream:
     """The sample of masses [kg], in the order of `SHARED`, that went on within h [s] up to t [ns]."""
     ear, free, broken, straw, short, chaff = masses
-    return CropStream(t, ear, free, broken, straw, short, chaff, h, **wet)
+    return CropStream(t, ear, free, broken, straw, short, chaff, h, *wet)
 
 
 def masses(streams: Sequence[CropStream]) -> Masses:
     """Masses that came with some samples [kg], in the order of `SHARED`."""
     if len(streams) == 1:
         return [*OF_STREAM(streams[0])]
+    if len(streams) == 2:
+        return [*map(add, OF_STREAM(streams[0]), OF_STREAM(streams[1]))]
     return [fsum(getattr(s, name) for s in streams) for name in SHARED]
 
 
@@ -138,9 +140,9 @@ class Organ(KeepsState):
 
     def work(self, t: int, h: float, grain: float, mog: float, **more: float) -> OrganWork:
         """What was worked on in a step of h [s] that ended at t [ns]."""
-        self.inside = self.held()
-        grains, mogs = zip(*self.inside, strict=True) if self.inside else ((), ())
-        return OrganWork(t, grain, mog, h, fsum(grains), fsum(mogs), **more)
+        inside = self.inside = self.held()
+        held = map(fsum, zip(*inside, strict=True)) if inside else (0.0, 0.0)
+        return OrganWork(t, grain, mog, h, *held, **more)
 
 
 def in_transport(part: Conveyor | Mixer) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from math import exp
+from operator import add, sub
 
 from swath.core.component import KeepsState
 
@@ -13,7 +14,7 @@ class Conveyor(KeepsState):
 
     length and paths are in one unit of choice: metres, seconds at nominal speed, or shares of the length.
     What enters during a step lies evenly over the path of that step, so a delay is exact to rounding however
-    it falls between steps. Ways shorter than `joined` share a packet.
+    it falls between steps. Ways shorter than `joined` share a packet. No list of masses is changed in place.
     """
 
     kept = ("_path", "_packets", "_held")
@@ -34,33 +35,31 @@ class Conveyor(KeepsState):
         self._path = end = start + path
         last = self._packets[-1] if self._packets else None
         if last is not None and end - last[0] <= self._joined:
-            joined = [a + b for a, b in zip(last[2], masses, strict=True)]
-            self._packets[-1] = (last[0], end, joined)
+            self._packets[-1] = (last[0], end, [*map(add, last[2], masses)])
         elif any(masses):
-            self._packets.append((start, end, list(masses)))
+            self._packets.append((start, end, masses))
         out = self._leave(end - self.length)
         if self._packets:
-            self._held = [h + m - o for h, m, o in zip(self._held, masses, out, strict=True)]
+            self._held = [*map(sub, map(add, self._held, masses), out)]
         else:
             self._held = [0.0] * self.streams
         return out
 
     def held(self) -> Masses:
         """Masses on it [kg], kept up step by step."""
-        return list(self._held)
+        return self._held
 
     def _leave(self, until: float) -> Masses:
         out = [0.0] * self.streams
         packets = self._packets
         while packets and packets[0][1] <= until:
-            for k, mass in enumerate(packets.popleft()[2]):
-                out[k] += mass
+            out = [*map(add, out, packets.popleft()[2])]
         if packets and packets[0][0] < until:
             start, end, masses = packets[0]
             share = (until - start) / (end - start)
             gone = [share * mass for mass in masses]
-            packets[0] = (until, end, [m - g for m, g in zip(masses, gone, strict=True)])
-            out = [o + g for o, g in zip(out, gone, strict=True)]
+            packets[0] = (until, end, [*map(sub, masses, gone)])
+            out = [*map(add, out, gone)]
         return out
 
 
@@ -80,19 +79,18 @@ class Mixer(KeepsState):
     def advance(self, masses: Masses, dt: float, lag: float) -> Masses:
         """Masses [kg] that leave within dt [s] while these enter; lag [s] >= 0, 0 = no mixing."""
         if lag <= 0.0:
-            out = [h + m for h, m in zip(self._held, masses, strict=True)]
+            out = [*map(add, self._held, masses)]
             self._held = [0.0] * self.streams
             return out
         kept = exp(-dt / lag)
         entering = (1.0 - kept) * lag / dt
-        new = [h * kept + m * entering for h, m in zip(self._held, masses, strict=True)]
-        out = [h + m - n for h, m, n in zip(self._held, masses, new, strict=True)]
-        self._held = new
-        return out
+        held = self._held
+        self._held = [h * kept + m * entering for h, m in zip(held, masses, strict=True)]
+        return [*map(sub, map(add, held, masses), self._held)]
 
     def held(self) -> Masses:
         """Masses in it [kg]."""
-        return list(self._held)
+        return self._held
 
 
 def flow_delay(held: float, delay: float, flow: float, exponent: float) -> float:

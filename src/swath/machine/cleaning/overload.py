@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import fsum, hypot
+from operator import sub
 from typing import Any, ClassVar
 
 from swath.core.component import Inputs, Outputs, Port
@@ -74,22 +75,19 @@ class Shoe(Organ):
             s = Shares(0.0, s.back)
         power = self._power * self._effort
         end, wet = t + dt, moisture(came)
-        heavy = free, broken
-        lost = [m * s.lost for m in heavy]
-        back = [(m - n) * s.back for m, n in zip(heavy, lost, strict=True)]
-        rest = [m - n - b for m, n, b in zip(heavy, lost, back, strict=True)]
-        light = [m * s.back for m in (straw, short, chaff)]
-        over = [m - b for m, b in zip((straw, short, chaff), light, strict=True)]
-        light_over = fsum(over)
-        part = min(s.mog * rest[0] / light_over, 0.5) if light_over > 0.0 else 0.0
-        dirt = [m * part for m in over]
-        over = [m - d for m, d in zip(over, dirt, strict=True)]
-        work = self.work(end, h, grain, mog, power=power, loss_share=s.lost)
+        came_in = free, broken, straw, short, chaff
+        lost = free * s.lost, broken * s.lost, 0.0, 0.0, 0.0
+        rest = [*map(sub, came_in, lost)]
+        back = [m * s.back for m in rest]
+        rest = [*map(sub, rest, back)]
+        light = fsum(rest[2:])
+        part = min(s.mog * rest[0] / light, 0.5) if light > 0.0 else 0.0
+        dirt = [m * part for m in rest[2:]]
         return {
-            "clean": sent(end, h, [0.0, *rest, *dirt], wet),
-            "returned": sent(end, h, [ear, *back, *light], wet),
-            "over": sent(end, h, [0.0, *lost, *over], wet),
-            "work": work,
+            "clean": sent(end, h, [0.0, *rest[:2], *dirt], wet),
+            "returned": sent(end, h, [ear, *back], wet),
+            "over": sent(end, h, [0.0, *lost[:2], *map(sub, rest[2:], dirt)], wet),
+            "work": self.work(end, h, grain, mog, power=power, loss_share=s.lost),
         }
 
     def held(self) -> Sequence[Sequence[float]]:
@@ -114,7 +112,7 @@ class IdealShoe(Shoe):
 
 def shoe_load(flow: float, shoe: Cleaning, state: MachineState) -> float:
     """Load of the shoe over its nominal one: grain and chaff [kg/s], heavier on a slope."""
-    rise, side, up = (float(v) for v in state.pose.rotation[2])  # -sin(pitch), tan(roll) * up
+    rise, side, up = map(float, state.pose.numbers[1][2])  # -sin(pitch), tan(roll) * up
     slope = shoe.side_slope * abs(side / up) + shoe.up_slope * max(0.0, rise / hypot(side, up))
     return flow / shoe.flow * (1.0 + slope)
 

@@ -166,8 +166,9 @@ class Organs(KeepsState):
         """back: on its way to the returns, which take it in their next step."""
         inside = [*self._held(works), (back.grain, back.mog)]
         lifted, totals, tank = self._elevator, self._totals, self._drivetrain.tank
-        grain = fsum(p[0] for p in inside) + lifted.held()[0] + self._lift.held()[0]
-        mog = fsum((*(p[1] for p in inside), lifted.held()[1], self._lift.held()[1], totals["mog"].value))
+        grains, mogs = zip(*inside, strict=True)
+        grain = fsum(grains) + lifted.held()[0] + self._lift.held()[0]
+        mog = fsum((*mogs, lifted.held()[1], self._lift.held()[1], totals["mog"].value))
         drum, content = works["threshing"], self._content()
         given: dict[str, float] = {
             "tank_grain": content,

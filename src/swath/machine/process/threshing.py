@@ -82,7 +82,8 @@ class ThreshingProcess(organs.Organs):
 
     def _send(self, name: str, outputs: Outputs) -> None:
         for output, sample in outputs.items():
-            self._bring((name, output), (sample,))
+            for target, port in self._ways.get((name, output), ()):
+                target[port] = (sample,)
 
     def _bring(self, source: tuple[str, str], given: Any) -> None:
         for target, port in self._ways.get(source, ()):

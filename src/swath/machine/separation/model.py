@@ -184,7 +184,7 @@ class Rotors(Organ):
         """Separate for dt."""
         h, ratio, came = dt / NS, ratio_of(inputs), inputs["fed"]
         wet = moisture(came)
-        p = self._passage(inputs, h, wet["straw_moisture"])
+        p = self._passage(inputs, h, wet[1])
         drum, entering = added(inputs["drum"]), added(came)
         layer = drum.mog / h / self._d.straw / max(ratio, 0.05)
         short = entering.mog * p.short

@@ -65,7 +65,7 @@ class Walkers(Rotors):
         short += w.short_straw_clearance * max(1.0 / s["concave"] - 1.0, 0.0) ** 2
         crank = w.crank_rad_s * ratio_of(inputs)
         shaken = exp(-(((crank - BEST) / w.crank_width_rad_s) ** 2))
-        _, side, up = (float(v) for v in inputs["state"].pose.rotation[2])
+        _, side, up = map(float, inputs["state"].pose.numbers[1][2])
         level = max(1.0 - w.side_slope * abs(side / up), 0.1)
         return Passage(threshing=0.0, separation=wet * exp(-short) * shaken * level)
 

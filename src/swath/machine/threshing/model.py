@@ -127,12 +127,13 @@ class Drum(Organ):
         h, came, p, ratio = dt / NS, (*inputs["fed"], *inputs["back"]), self._p, ratio_of(inputs)
         s = self._set.over_own(inputs, h)
         v, c, wet = s["drum"], 1.0 / s["concave"], moisture(inputs["fed"])
+        grain_moisture, straw_moisture = wet
         grain = mog = broken = 0.0
         for stream in came:
             grain, mog, broken = grain + stream.grain, mog + stream.mog, broken + stream.broken
         layer = mog / h / self._d.straw / max(ratio, 0.05)
-        ear, free = self._left(grain, layer, ratio, rate_factors(p, v, c, wet["straw_moisture"]))
-        hit = self.breakage(v * ratio, c, layer, wet["grain_moisture"])
+        ear, free = self._left(grain, layer, ratio, rate_factors(p, v, c, straw_moisture))
+        hit = self.breakage(v * ratio, c, layer, grain_moisture)
         broken_share = (broken + (grain - broken) * hit) / grain if grain > 0.0 else 0.0
         chaff = 0.5 * (mog * self._d.chaff)
         short = min(chaff * (v**p.short_speed * c**p.short_clearance), mog - chaff)
