@@ -187,6 +187,7 @@ FAKE = Catalogue(
         "edge": "fake_field_parts:Edge",
         "obstacles": "fake_field_parts:Obstacle",
         "boundary": "fake_field_parts:Boundary",
+        "weather": "swath.field.weather:Weather",
         "evaluators": "swath.judge.catalogue:load_evaluators",
     },
     {"combine": {"lidar": "plants", "steer": "preview", "speed": "constant"}, "tractor_with_trailer": {}},

@@ -136,7 +136,12 @@ def _field(catalogue: Catalogue, shared: dict[Group, str]) -> str:
         _part(FieldCommon, shared),
     ]
     parts += [_levels(catalogue, kind, f"### field.{kind}", shared) for kind in catalogue.field_levels]
-    for name, title in (("edge", "edge"), ("obstacles", "obstacles[]"), ("boundary", "boundary")):
+    for name, title in (
+        ("edge", "edge"),
+        ("obstacles", "obstacles[]"),
+        ("boundary", "boundary"),
+        ("weather", "weather"),
+    ):
         choice = {
             "edge": "`shape` is one of the names above the tables.\n",
             "obstacles": "`kind` is one of the names above the tables.\n",

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.sensing.echo import Bundle, Receiver, Weather, disturb, least_energy, receive
+from swath.sensing.echo import Bundle, Receiver, disturb, least_energy, receive
+from swath.sensing.echo import ScannerWeather as Weather
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.scanner import Noise
 

@@ -32,6 +32,7 @@ from swath.field.stored_changes import Change, Key
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.track import EdgeShape
+from swath.field.weather import SiteWeather
 from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
@@ -48,7 +49,8 @@ class Field:
     edges: of the crop at the start, by name
     crop_height, seen_height: usual ones of the crop, standing upright [m]: of its tips, as a scanner sees it
         grain: on the ground; moisture: of the stand; wind: what sways it; the library and the pages know
-        nothing of it Pages come into memory by `ensure`, and by themselves where any verb touches the field.
+        nothing of it; weather: None = the scenario says nothing of it. Pages come into memory by `ensure`,
+        and by themselves where any verb touches the field.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class Field:
         straw_exponent: float = 1.0,
         straw_density: float = 25.0,
         page_limit: int = 1024,
+        weather: SiteWeather | None = None,
     ) -> None:
         if stand.density_max > library.density_max * (1.0 + 1e-6):
             expected = f"expected at most the {library.density_max:g} stems/m2 of the plant library"
@@ -76,7 +79,8 @@ class Field:
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         self.moisture: Moisture = getattr(stand, "moisture", Moisture())
-        self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw)
+        self.weather = weather
+        self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw, weather)
         self.straw_density, self.crop_height, self.seen_height = straw_density, crop_height, seen_height
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
@@ -439,6 +443,7 @@ def make_field(
     stream: Stream,
     boundary: Region | None = None,
     page_limit: int = 1024,
+    weather: SiteWeather | None = None,
     is_cut: bool = True,
 ) -> Field:
     """A field from resolved levels. The library is made from the crop when none is given.
@@ -472,6 +477,7 @@ def make_field(
         straw_exponent=crop.yields.straw_exponent,
         straw_density=crop.yields.swath_density,
         page_limit=page_limit,
+        weather=weather,
     )
 
 

@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.field.field_setup import from_azimuth
+from swath.field.weather import SiteWeather, Weather
 
 GUST_SHARE = 0.3  # of the amplitude that the second wave has [E]
 GUST_LENGTH = 4  # of the second wave, in wavelengths and in periods of the first [E]
 GUST_TURN = 30.0 * DEG  # of the second wave's direction against the wind [E]
 SWAY_PER_SPEED2 = 0.2  # deg per (m/s)^2: drag and so small leans grow with the square of speed [E]
+USUAL = Weather(wind_m_s=5.0)  # where a scenario says nothing of the wind
 SWAY_MAX = 15.0  # the most that a speed alone gives [deg] [E]
 
 
@@ -33,16 +35,17 @@ SWAY_MAX = 15.0  # the most that a speed alone gives [deg] [E]
 class Wind:
     """Wind that sways the crop.
 
-    speed_m_s: wind speed 2 m above the ground
-    azimuth_deg: direction in which the wind blows, clockwise from north
+    speed_m_s: wind speed 2 m above the ground; none = that of field.weather at the start, else 5
+    azimuth_deg: direction in which the wind blows, clockwise from north; none = that of field.weather, else
+        90
     sway_deg: amplitude of the stems' lean; none = 0.2 speed^2, at most 15
     steady_deg: lean about which the stems sway; none = as much as sway_deg
     wavelength_m: length of the waves that run over the stand
     period_s: period of the waves that run over the stand
     """
 
-    speed_m_s: Annotated[float, Ge(0.0), Le(30.0)] = 5.0
-    azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] = 90.0
+    speed_m_s: Annotated[float, Ge(0.0), Le(30.0)] | None = None
+    azimuth_deg: Annotated[float, Ge(-360.0), Le(360.0)] | None = None
     sway_deg: Annotated[float, Ge(0.0), Le(30.0)] | None = None
     steady_deg: Annotated[float, Ge(0.0), Le(30.0)] | None = None
     wavelength_m: Annotated[float, Ge(2.0), Le(1000.0)] = 4.0
@@ -87,16 +90,19 @@ class Sway:
         return np.asarray(self.steady + self.amplitude * waves, dtype=np.float64)
 
 
-def make_sway(wind: Wind | None, row_heading: float) -> Sway | None:
+def make_sway(wind: Wind | None, row_heading: float, weather: SiteWeather | None = None) -> Sway | None:
     """What a wind does to a stand whose rows have a heading [rad]; None where nothing moves."""
     if wind is None:
         return None
-    own = min(SWAY_PER_SPEED2 * wind.speed_m_s**2, SWAY_MAX)
+    usual = USUAL if weather is None else weather.params_at(0)
+    speed = usual.wind_m_s if wind.speed_m_s is None else wind.speed_m_s
+    azimuth = usual.wind_azimuth_deg if wind.azimuth_deg is None else wind.azimuth_deg
+    own = min(SWAY_PER_SPEED2 * speed**2, SWAY_MAX)
     sway = own if wind.sway_deg is None else wind.sway_deg
     steady = sway if wind.steady_deg is None else wind.steady_deg
     if sway == 0.0 and steady == 0.0:
         return None
-    heading = from_azimuth(wind.azimuth_deg) - row_heading
+    heading = from_azimuth(azimuth) - row_heading
     turned, k = heading + GUST_TURN, 1.0 / wind.wavelength_m
     return Sway(
         toward=(cos(heading), sin(heading)),

@@ -23,6 +23,7 @@ from swath.field.stand.maps import Maps
 from swath.field.stand.maps import Params as MapsParams
 from swath.field.terrain.dem import Dem
 from swath.field.terrain.dem import Params as DemParams
+from swath.field.weather import SiteWeather
 from swath.scenario.resolved import FieldSection
 from swath.signals import F64
 
@@ -70,6 +71,10 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bo
     region = make_boundary(section.boundary)
     if region is None and folder is not None:
         region = Region(folder.boundary, folder.holes)
+    origin = stated if folder is None else folder.origin
+    if mapped is not None:
+        origin = mapped
+    weather = None if section.weather is None else SiteWeather(section.weather, origin, base)
     field = make_field(
         section.terrain.make(setup) if section.terrain is not None else _terrain_of(folder),
         stand,
@@ -77,13 +82,13 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bo
         crop=load_crop(stand.crop, setup.folder),
         stream=stream,
         boundary=region,
+        weather=weather,
         is_cut=is_cut,
     )
     driven = None
     first = next(iter(section.edges.values()))
     if isinstance(first, TrackEdge) and first.file is None:
         driven = setup.tracks[first.track]
-    origin = stated if folder is None else folder.origin
     if mapped is not None:
         origin = replace(mapped, height=float(getattr(field.terrain, "datum", 0.0)))
     return Ground(field, things_of(section.obstacles, field), driven, origin)

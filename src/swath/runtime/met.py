@@ -19,6 +19,7 @@ from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
+from swath.sensing.scanner import ScanningLidar
 from swath.signals import MachineState
 
 SUMMARY = "met"
@@ -105,6 +106,17 @@ def _param(kind: str, name: str) -> Callable[[Where], float]:
     return at
 
 
+def _in_air(name: str) -> Callable[[Where], float]:
+    """The largest value that a key of the weather before a scanner has among those of the machine."""
+
+    def at(where: Where) -> float:
+        scanners = [part for part in where.machine.parts.values() if isinstance(part, ScanningLidar)]
+        values = [getattr(scanner.weather_at(where.state.t), name) or 0.0 for scanner in scanners]
+        return max(values, default=nan)
+
+    return at
+
+
 def _friction(where: Where) -> float:
     own = _param("motion", "friction")(where)
     return own if own == own else where.machine.sheet.dynamics.friction
@@ -148,10 +160,10 @@ QUANTITIES: Mapping[str, Quantity] = {
                                (1800.0, inf)),
     "roughness_gd_m3": Quantity("m3", "Gd of the ground at 0.1 cycles/m, ISO 8608",
                                 _roughness, (*MOVED, "lidar", "header", "imu"), (0.0, 256e-6)),
-    "rain_mm_h": Quantity("mm/h", "rain before a scanner", _param("lidar", "weather.rain_mm_h"), SEEN,
+    "rain_mm_h": Quantity("mm/h", "rain before a scanner", _in_air("rain_mm_h"), SEEN,
                           (0.0, 0.0)),
-    "dust_per_m": Quantity("1/m", "extinction of dust before a scanner",
-                           _param("lidar", "weather.extinction_per_m"), SEEN, (0.0, 0.0)),
+    "dust_per_m": Quantity("1/m", "extinction of dust and fog before a scanner",
+                           _in_air("extinction_per_m"), SEEN, (0.0, 0.0)),
     "other_crop": Quantity("1", "1 where the crop is not wheat, else 0",
                            lambda w: float(w.field.stand.crop != "wheat"), CROP, (0.0, 0.0)),
     "cutting_height_m": Quantity("m", "height of the knife that is asked for",

@@ -226,7 +226,8 @@ def is_off(entry: Any) -> bool:
 
 
 FIELD_KEYS = (
-    "folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary", *FieldCommon.model_fields,
+    "folder", "terrain", "stand", "edge", "edges", "obstacles", "boundary", "weather",
+    *FieldCommon.model_fields,
 )  # fmt: skip
 
 
@@ -252,9 +253,12 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
     levels = {name: _ground(reader, name, data, folder is not None) for name in levels_of}
     edges = _edges(reader, data)
     obstacles = _obstacles(reader, data.get("obstacles", []))
-    boundary = data.get("boundary")
-    if boundary is not None:
-        boundary = reader.check(reader.catalogue.part("boundary"), boundary, ("field", "boundary"))
+    boundary, weather = (
+        reader.check(reader.catalogue.part(key), data[key], ("field", key))
+        if data.get(key) is not None
+        else None
+        for key in ("boundary", "weather")
+    )
     if common is not None and common.origin is not None and folder is not None:
         reader.note(("field", "origin"), None, "expected no origin beside a field folder, which has its own")
     return FieldSection(
@@ -264,6 +268,7 @@ def read_field(reader: SectionReader, data: Any) -> FieldSection | None:
         edges,
         obstacles,
         boundary,
+        weather,
         common or FieldCommon(),
     )
 

@@ -142,6 +142,7 @@ class FieldSection:
     edges: Mapping[str, Any]
     obstacles: tuple[Any, ...] = ()
     boundary: Any = None
+    weather: Any = None
     common: FieldCommon = dataclasses.field(default_factory=FieldCommon)
 
     def plain(self) -> dict[str, Any]:
@@ -154,6 +155,7 @@ class FieldSection:
             **self._plain_edges(),
             "obstacles": [_plain(o) for o in self.obstacles],
             "boundary": None if self.boundary is None else _plain(self.boundary),
+            "weather": None if self.weather is None else _plain(self.weather),
         }
         return {key: value for key, value in written.items() if value not in (None, [], {})}
 

@@ -234,8 +234,8 @@ def _level_of(
 
 def _field(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
     ground = {kind: _choice(catalogue, kind, {}, defs) for kind in catalogue.field_levels}
-    edge, obstacle, boundary = (
-        adopt(catalogue.part(p), f"field.{p}", defs) for p in ("edge", "obstacles", "boundary")
+    edge, obstacle, boundary, weather = (
+        adopt(catalogue.part(p), f"field.{p}", defs) for p in ("edge", "obstacles", "boundary", "weather")
     )
     return {
         "type": "object",
@@ -251,6 +251,7 @@ def _field(catalogue: Catalogue, defs: dict[str, Node]) -> Node:
             },
             "obstacles": {"type": "array", "items": obstacle},
             "boundary": boundary,
+            "weather": weather,
             **adopt(FieldCommon, "field.common", defs)["properties"],
         },
         "additionalProperties": False,

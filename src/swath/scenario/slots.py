@@ -468,8 +468,8 @@ class Catalogue:
     """registry: levels by slot kind; slots: of a machine, in execution order.
 
     field_levels: the default level of `terrain` and `stand`
-    parts: `edge`, `obstacles` and `boundary` -> `module:NAME` of the type that describes one; `evaluators`
-        and `bodies` -> of the functions that list them
+    parts: `edge`, `obstacles`, `boundary` and `weather` -> `module:NAME` of the type that describes one;
+        `evaluators` and `bodies` -> of the functions that list them
     machine_types: type -> slot -> level of what a machine of the type has unasked
     """
 
@@ -480,7 +480,7 @@ class Catalogue:
     machine_types: Mapping[str, Mapping[str, str]]
 
     def part(self, name: str) -> Any:
-        """The type of an edge, an obstacle or a boundary."""
+        """The type of an edge, an obstacle, a boundary or the weather."""
         module, _, attribute = self.parts[name].partition(":")
         return getattr(import_module(module), attribute)
 
@@ -508,6 +508,7 @@ PARTS = {
     "edge": "swath.field.edge:Edge",
     "obstacles": "swath.field.obstacles:Obstacle",
     "boundary": "swath.field.edge:Boundary",
+    "weather": "swath.field.weather:Weather",
     "evaluators": "swath.judge.catalogue:load_evaluators",
     "bodies": "swath.field.site_setup:known_as",
 }

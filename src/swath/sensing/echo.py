@@ -18,15 +18,16 @@ than a limit count as disturbance and too few useful ones call for cleaning.
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from swath.core import portable
+from swath.field.weather import RainLaw, SiteWeather, fog_extinction, rain_extinction
 from swath.kernels import address, repeatable, start_warp
 from swath.rays.hits import Spots
 from swath.signals import F64
@@ -34,11 +35,11 @@ from swath.signals import F64
 
 @dataclass(frozen=True)
 class Weather:
-    """Dust and rain, none by default.
+    """Dust and rain before a sensor; fog is that of field.weather.
 
-    extinction_per_m: extinction of the dust, 0.05 light to 1 dense
-    rain_mm_h: rain; it adds an extinction of 0.01 R^0.6 per m (Goodin et al. 2019,
-        doi:10.3390/electronics8010089)
+    extinction_per_m: extinction of the dust, 0.002 the air at a cab, 0.05 to 0.3 the core of a plume; none =
+        that of field.weather
+    rain_mm_h: rain; none = that of field.weather
     near_returns: mean number per scan of puffs of dust, chaff or drops that a beam would meet on a free path
         [1]
     near_reach_m: mean distance of the puffs beyond the sensor's least range
@@ -46,22 +47,55 @@ class Weather:
     near_reflectance: reflectance of the puff [1]
     """
 
-    extinction_per_m: Annotated[float, Ge(0), Le(10)] = 0.0
-    rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
+    extinction_per_m: Annotated[float, Ge(0), Le(10)] | None = None
+    rain_mm_h: Annotated[float, Ge(0), Le(300)] | None = None
     near_returns: Annotated[float, Ge(0), Le(10)] = 0.0
     near_reach_m: Annotated[float, Gt(0), Le(50)] = 1.0
     near_share: Annotated[float, Gt(0), Le(1)] = 0.6
     near_reflectance: Annotated[float, Ge(0), Le(1)] = 0.3
 
     @property
+    def law(self) -> RainLaw:
+        """How rain dims light."""
+        return "drops"
+
+    @property
     def extinction(self) -> float:
         """Extinction of dust and rain together [1/m]."""
-        return self.extinction_per_m + 0.01 * float(self.rain_mm_h**0.6)
+        return (self.extinction_per_m or 0.0) + rain_extinction(self.rain_mm_h or 0.0, self.law)
+
+    def under(self, weather: SiteWeather | None, t: int, wavelength: float) -> Self:
+        """What is before the sensor at a time of the run [ns], nothing left open; fog counts as dust.
+
+        wavelength: [m]
+        """
+        if weather is None:
+            return self
+        air = weather.at(t)
+        dust = air.dust if self.extinction_per_m is None else self.extinction_per_m
+        rain = air.rain if self.rain_mm_h is None else self.rain_mm_h
+        return replace(self, extinction_per_m=dust + fog_extinction(air.mor, wavelength), rain_mm_h=rain)
 
     @property
     def is_clear(self) -> bool:
         """True when it changes nothing."""
         return self.extinction == 0.0 and self.near_returns == 0.0
+
+
+@dataclass(frozen=True)
+class ScannerWeather(Weather):
+    """Dust, chaff and rain before a scanner.
+
+    rain_law: how rain dims its light: `goodin`, 0.01 R^0.6 per m, the loss of one scanner (Goodin et al.
+        2019, doi:10.3390/electronics8010089), or `drops` of Marshall and Palmer, a twenty-fifth of it
+    """
+
+    rain_law: RainLaw = "goodin"
+
+    @property
+    def law(self) -> RainLaw:
+        """How rain dims light."""
+        return self.rain_law
 
 
 def disturb(

@@ -18,7 +18,7 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.site_setup import SiteSetup
 from swath.rays.sight import Sight
-from swath.sensing.echo import Weather
+from swath.sensing.echo import ScannerWeather
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
@@ -239,7 +239,7 @@ class OutdoorParams(ScannerParams):
 
     angle_noise_deg: Annotated[float, Ge(0), Le(5)] | None = None
     drop_out_percent: Annotated[float, Ge(0), Le(100)] = 0.0
-    weather: Weather = field(default_factory=Weather)
+    weather: ScannerWeather = field(default_factory=ScannerWeather)
 
 
 class ScanningLidar(KeepsState, ABC):
@@ -278,6 +278,12 @@ class ScanningLidar(KeepsState, ABC):
             self._last = states[-1]
         end = t + dt
         return self.scan_from(end, *self.scanner.sweep(known, end))
+
+    def weather_at(self, t: int) -> ScannerWeather:
+        """What is in the air before it at a time of the run [ns]."""
+        given = self.scanner.params
+        own = given.weather if isinstance(given, OutdoorParams) else ScannerWeather()
+        return own.under(self.setup.field.weather, t, self.sheet.wavelength)
 
     @abstractmethod
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:

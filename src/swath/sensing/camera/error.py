@@ -233,16 +233,14 @@ class ErrorCamera(SceneCamera):
             ImageSensor(self.sheet.mean_of(count), self.size, is_noisy=params.noise == "data_sheet")
             for count in _pixel_counts(self.sheet.mosaic, params.binning)
         ]
-        self._rate = self._photon_rates(
-            sunlight(params.sun_elevation_deg * DEG, params.cloud_percent * PERCENT)
-        )
+        self._rate = self._photon_rates(0)
         self._exposure = 0.0  # of the next picture times its gain, 0 = as the control would settle
 
-    def _photon_rates(self, sun: float) -> F64:
-        """Photons per second, pixel of the sensor and unit of light in each colour (height, width, 3)."""
-        s = self.sheet
+    def _photon_rates(self, t: int) -> F64:
+        """Photons per second of a pixel of the sensor and unit of light at t [ns], (height, width, 3)."""
+        s, (sun, cloud) = self.sheet, self.sky(t)
         axis = self.pinhole.rays()[..., 2]
-        image = FULL * sun * s.transmission / (4.0 * s.f_number**2)
+        image = FULL * sunlight(sun.elevation, cloud) * s.transmission / (4.0 * s.f_number**2)
         rates = np.array([float(photon_rate(image, s.pixel, w)) for w in WAVELENGTHS])
         return np.asarray(power(np.maximum(axis, 0.0), s.falloff)[..., None] * rates)
 
@@ -307,6 +305,8 @@ class ErrorCamera(SceneCamera):
     def _exposed(self, t: int, seen: Sight) -> Outputs:
         """What the sensor makes of the light, and the exposure of the next picture."""
         light = self.light(seen, t)
+        if self.setup.field.weather is not None:
+            self._rate = self._photon_rates(t)
         eta, rate = self._detected(np.maximum(light, 0.0) * self._rate)
         if self._exposure == 0.0:
             self._exposure = self._wanted(float((eta * rate).mean()))

@@ -1,8 +1,8 @@
 """The light that comes along the rays of a camera: surfaces in sun and sky, the sky itself, what is between.
 
 Dust, rain and haze follow Koschmieder (1924): of what a surface sends exp(-b d) is left, and the air itself
-adds (1 - exp(-b d)) of the light of the sky at the horizon. b is the extinction that the LiDAR has in the
-same weather (`sensing/echo.py`).
+adds (1 - exp(-b d)) of the light of the sky at the horizon. b is the extinction of `field/weather.py`,
+of rain that of its drops.
 
 Soil and straw are not of one colour, nor are plants: the colour of what is seen is multiplied by noise that
 hangs on the place in the world alone, so that it stays there while the camera moves: clods of 2.5 cm to 3 m

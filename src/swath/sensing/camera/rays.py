@@ -31,6 +31,7 @@ from swath.core.units import DEG, PERCENT
 from swath.field.contact import bounds, parts_of
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import SiteSetup
+from swath.field.weather import GREEN, Sun
 from swath.rays.device import ThreadPool
 from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
@@ -122,6 +123,7 @@ def no_boxes(t: int) -> ImageBoxes:
 
 
 Channel = Literal["colour", "depth", "label", "instance", "raw"]
+USUAL_SUN = Sun(200.0 * DEG, 45.0 * DEG)  # where nobody says where it stands
 RAYS_MAX = 10_000_000  # full HD with four samples per pixel
 DEFAULT_FOV = 70.0  # [deg]
 
@@ -135,16 +137,15 @@ class SceneParams:
         are those of the nearest
     channels: what an image holds
     reach_m: distance up to which rays are followed; what lies beyond is sky or far crop
-    sun_azimuth_deg: direction of the sun, clockwise from north
-    sun_elevation_deg: elevation of the sun above the horizon; below it, down to the end of nautical twilight,
-        the sky alone gives light, as much of it as at level `error`
-    cloud_percent: cloud cover, 0 clear to 100 overcast: no direct light
+    sun_azimuth_deg: direction of the sun, clockwise from north; none = that of field.weather, else 200
+    sun_elevation_deg: elevation of the sun, none = that of field.weather, else 45; below the horizon, down to
+        the end of nautical twilight, the sky alone gives light, as much of it as at level `error`
+    cloud_percent: cloud cover, 0 clear to 100 overcast: no direct light; none = that of field.weather
     shadows: whether things up to 8 m away shade each other
     samples_per_sun_ray: samples of a pixel that share the ray towards the sun: fewer rays, coarser light
     texture: whether soil, straw and plants vary in colour
     green_percent: share of the colour of unripe plants in that of the crop
-    weather: dust and rain between camera and scene, as the LiDAR has them; the puffs of near_returns are not
-        for cameras
+    weather: dust and rain between camera and scene; the puffs of near_returns are not for cameras
     orthophoto: GeoTIFF of three bands whose colours the ground has (extra `geo`)
     """
 
@@ -152,9 +153,9 @@ class SceneParams:
     samples_per_pixel: Literal[1, 4, 9, 16] = 1
     channels: Annotated[tuple[Channel, ...], MinLen(1)] = ("colour", "depth", "label")
     reach_m: Annotated[float, Gt(0), Le(200)] = 60.0
-    sun_azimuth_deg: Annotated[float, Ge(-360), Le(360)] = 200.0
-    sun_elevation_deg: Annotated[float, Ge(-12), Le(90)] = 45.0
-    cloud_percent: Annotated[float, Ge(0), Le(100)] = 0.0
+    sun_azimuth_deg: Annotated[float, Ge(-360), Le(360)] | None = None
+    sun_elevation_deg: Annotated[float, Ge(-12), Le(90)] | None = None
+    cloud_percent: Annotated[float, Ge(0), Le(100)] | None = None
     shadows: bool = True
     samples_per_sun_ray: Literal[1, 2, 4] = 1
     texture: bool = True
@@ -216,27 +217,44 @@ class SceneCamera(KeepsState):
         self.per_side = isqrt(params.samples_per_pixel)
         self._rays = self.pinhole.rays(self.per_side)  # unit directions in the optical frame
         self.caster = RayCaster(setup.field)
-        self._lighting = Lighting(self._light_setup(), setup.field, ThreadPool(self.caster.threads))
+        self._photo = (
+            None if params.orthophoto is None else Orthophoto(params.orthophoto, setup.base, setup.origin)
+        )
+        self._lighting = Lighting(self._light_setup(0), setup.field, ThreadPool(self.caster.threads))
         self._casts = 0
         self._last: MachineState | None = None
         self.inputs = (Port("state", MachineState, history=True),)
         self.outputs = (Port("image", Image), Port("boxes", ImageBoxes))
 
-    def _light_setup(self) -> LightSetup:
-        p, base = self.params, self.setup.base
-        photo = None if p.orthophoto is None else Orthophoto(p.orthophoto, base, self.setup.origin)
+    def sky(self, t: int) -> tuple[Sun, float]:
+        """The sun, and the cloud cover from 0 to 1, at a time of the run [ns]: its own keys win."""
+        p, weather = self.params, self.setup.field.weather
+        sun = None if weather is None else weather.sun(t)
+        azimuth, elevation = (
+            (USUAL_SUN.azimuth, USUAL_SUN.elevation) if sun is None else (sun.azimuth, sun.elevation)
+        )
+        if p.sun_azimuth_deg is not None:
+            azimuth = p.sun_azimuth_deg * DEG
+        if p.sun_elevation_deg is not None:
+            elevation = p.sun_elevation_deg * DEG
+        if p.cloud_percent is not None:
+            return Sun(azimuth, elevation), p.cloud_percent * PERCENT
+        return Sun(azimuth, elevation), 0.0 if weather is None else weather.at(t).cloud
+
+    def _light_setup(self, t: int) -> LightSetup:
+        p, (sun, cloud) = self.params, self.sky(t)
         return LightSetup(
-            sun=sun_direction(p.sun_azimuth_deg * DEG, p.sun_elevation_deg * DEG),
-            cloud=p.cloud_percent * PERCENT,
+            sun=sun_direction(sun.azimuth, sun.elevation),
+            cloud=cloud,
             green=p.green_percent * PERCENT,
             shadows=p.shadows,
             per_side=isqrt(p.samples_per_pixel),
             shared=p.samples_per_sun_ray,
             texture=p.texture,
-            extinction=p.weather.extinction,
+            extinction=p.weather.under(self.setup.field.weather, t, GREEN).extinction,
             pixel_angle=1.0 / self.pinhole.focal,
             seed=self.setup.field.maker.seed,
-            photo=photo,
+            photo=self._photo,
         )
 
     @property
@@ -297,6 +315,8 @@ class SceneCamera(KeepsState):
 
     def light(self, seen: Sight, t: int) -> F64:
         """Linear light of the pixels (height, width, 3): the mean of their samples."""
+        if self.setup.field.weather is not None:
+            self._lighting.setup = self._light_setup(t)
         every = self._lighting.light(seen.hits, seen.origins, seen.directions, seen.things, self.caster, t)
         return np.asarray(cells(every, self.per_side).mean(axis=2))
 

@@ -200,7 +200,7 @@ class EmpiricalLidar(TableLidar):
         clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
         self.ray_count += len(origins)
         self.note(clamped)
-        self.rays.disturb(self.params.weather, t)
+        self.rays.disturb(self.weather_at(t), t)
         return self.rays.report(t, origins)
 
     @property

@@ -85,9 +85,10 @@ class PlantsLidar(ScanningLidar):
         distance = hits.distance.astype(np.float64)
         distance[distance < self.sheet.range_min] = np.nan
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
-        if not self.params.weather.is_clear:
+        weather = self.weather_at(t)
+        if not weather.is_clear:
             air = self._stream.child("weather").at(t)
-            distance, albedo = disturb(self.params.weather, distance, albedo, self.sheet.range_min, air)
+            distance, albedo = disturb(weather, distance, albedo, self.sheet.range_min, air)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
         measured = self.scanner.noise.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)

@@ -37,7 +37,8 @@ class ProfileLidar(TableLidar):
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self.swept = np.zeros(1, np.int64)
         super().__init__(params, setup)
-        if not params.weather.is_clear:
+        weather = setup.field.weather
+        if not params.weather.is_clear or (weather is not None and weather.may_be_dim):
             raise refused("weather")
         if setup.edge is None:
             raise refused("field without an edge")

@@ -111,7 +111,7 @@ class Params(IdealParams):
     straw_moisture_percent: water of the straw, of its wet mass; none = the stand's at the start
     straw_wall: thickness of the stems' walls, 0 thin to 1 thick [1]
     stand_loss_percent: share of the derived loss in the crop that counts; 0 = the radar sees through the crop
-    rain_mm_h: rain, which weakens echoes over the distance
+    rain_mm_h: rain, which weakens echoes over the distance; none = that of field.weather at the start
     loss_db: loss of all echoes, such as by a dirty cover
     noise: `data_sheet` = as in the data sheet; `none` = what is above the threshold by its mean is given
         exactly, without false alarms
@@ -120,7 +120,7 @@ class Params(IdealParams):
     straw_moisture_percent: Annotated[float, Ge(0), Le(80)] | None = None
     straw_wall: Annotated[float, Ge(0), Le(1)] = 0.5
     stand_loss_percent: Annotated[float, Ge(0), Le(300)] = 100.0
-    rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
+    rain_mm_h: Annotated[float, Ge(0), Le(300)] | None = None
     loss_db: Annotated[float, Ge(0), Le(100)] = 0.0
     noise: Literal["data_sheet", "none"] = "data_sheet"
 
@@ -155,7 +155,10 @@ class ErrorRadar(IdealRadar):
         factor = wave_factor(self.sheet.frequency, self.sheet.polarisation, moisture, params.straw_wall)
         self.wave = factor * params.stand_loss_percent * PERCENT
         k, a = RAIN["high" if high else "low"]
-        self._rain = k * float(params.rain_mm_h) ** a / 1000.0  # dB/m
+        weather, rain = setup.field.weather, params.rain_mm_h
+        if rain is None:
+            rain = 0.0 if weather is None else weather.at(0).rain
+        self._rain = k * float(rain) ** a / 1000.0  # dB/m
         self.threshold = -self.sheet.false_alarm_lg * log(10.0)
         self.stand = StandLoss(setup.field) if self.wave > 0.0 else None
         self._scatterers = Scatterers()

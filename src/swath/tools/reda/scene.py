@@ -32,7 +32,7 @@ from swath.field.site_setup import Body, SiteSetup
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.rays.engine import RayCaster
-from swath.sensing.echo import Weather
+from swath.sensing.echo import ScannerWeather, Weather
 from swath.sensing.lidar import plants
 from swath.sensing.mount import Mount
 from swath.sensing.radar import rays
@@ -254,7 +254,7 @@ class LidarSensor:
             sector_deg=(-60.0, 60.0),
             step_deg=0.4,
             sub_rays=7,
-            weather=Weather(extinction_per_m=dust, rain_mm_h=rain),
+            weather=ScannerWeather(extinction_per_m=dust, rain_mm_h=rain),
         )
         self._lidar = plants.PlantsLidar(params, scene.setup)
         self._eye = self._lidar.mounting.position

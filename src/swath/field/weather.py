@@ -1,0 +1,268 @@
+"""The weather over a field: one for all sensors, for the crop and for what floats.
+
+`field.weather` says it in numbers, or by the hour in a file; `SiteWeather` gives the air and the sun at any
+time of a run, in SI. What a sensor's own keys say wins over it.
+
+Extinction, of light in the air [1/m]:
+
+- fog by its meteorological optical range V, at which 5 % of a beam are left: ln 20 / V at 550 nm (WMO-No. 8),
+  times (wavelength / 550 nm)^-q with q of Kim, McArthur and Korevaar 2001 (doi:10.1117/12.417512) up to 6 km,
+  of Kruse, McGlauchlin and McQuistan 1962 beyond: fog dims all wavelengths alike, haze short ones more
+- rain by `drops` of the sizes that Marshall and Palmer 1948 found: 3.65e-4 R^0.63, twice their geometric
+  section; or `goodin`, 0.01 R^0.6, the loss of one scanner (Goodin et al. 2019,
+  doi:10.3390/electronics8010089), 25 times as much
+- dust as said: coarse dust dims 550 to 1550 nm alike within 15 %
+"""
+
+import json
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+from functools import lru_cache
+from math import atan2, cos, hypot, inf, isnan, log, sin
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from pydantic import ValidationError
+
+from swath.core.errors import Extra, InputError
+from swath.core.schedule import NS
+from swath.core.units import DEG, PERCENT
+from swath.documents.number_table import read_numbers
+from swath.documents.validation import adapter_of
+from swath.field.field_setup import from_azimuth
+from swath.field.projection import Origin
+
+RainLaw = Literal["drops", "goodin"]
+LEFT_AT_MOR = 0.05  # of a beam after the meteorological optical range (WMO-No. 8)
+GREEN = 550e-9  # wavelength of visibilities [m]
+KELVIN = 273.15
+SUN_STEP_S = 10  # the sun stands still so long; it moves by 0.04 deg
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weather:
+    """The weather of a run.
+
+    rain_mm_h: rain
+    fog_mor_m: meteorological optical range of fog or haze: 5 % of a beam are left after it; none = clear air
+    dust_per_m: extinction of dust that is everywhere
+    wind_m_s: wind speed 2 m above the ground
+    wind_azimuth_deg: direction in which the wind blows, clockwise from north
+    temperature_c: of the air
+    humidity_percent: relative humidity of the air
+    cloud_percent: cloud cover, 0 clear to 100 overcast
+    sun_azimuth_deg: direction of the sun, clockwise from north; none = by time and place
+    sun_elevation_deg: elevation of the sun; none = by time and place
+    time: when the run starts, such as `2026-07-25T13:34+02:00`; with the place of the field it gives the sun
+        (extra `light`)
+    file: CSV with the column `hour`, hours of the day of `time`, and any of the keys above that are numbers,
+        taken instead of them, linear between rows
+    """
+
+    rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
+    fog_mor_m: Annotated[float, Ge(5), Le(100_000)] | None = None
+    dust_per_m: Annotated[float, Ge(0), Le(10)] = 0.0
+    wind_m_s: Annotated[float, Ge(0), Le(30)] = 0.0
+    wind_azimuth_deg: Annotated[float, Ge(-360), Le(360)] = 90.0
+    temperature_c: Annotated[float, Ge(-40), Le(60)] = 25.0
+    humidity_percent: Annotated[float, Gt(0), Le(100)] = 50.0
+    cloud_percent: Annotated[float, Ge(0), Le(100)] = 0.0
+    sun_azimuth_deg: Annotated[float, Ge(-360), Le(360)] | None = None
+    sun_elevation_deg: Annotated[float, Ge(-90), Le(90)] | None = None
+    time: str | None = None
+    file: str | None = None
+
+
+COLUMNS = tuple(n for n in Weather.__dataclass_fields__ if n not in ("time", "file"))
+
+
+@dataclass(frozen=True)
+class Air:
+    """The air at one time.
+
+    rain: [mm/h]
+    mor: meteorological optical range [m], inf = clear
+    dust: extinction of dust [1/m]
+    wind: velocity east and north, 2 m above the ground [m/s]
+    temperature: [K]
+    humidity: share of saturation [1]
+    cloud: 0 clear to 1 overcast
+    """
+
+    rain: float = 0.0
+    mor: float = inf
+    dust: float = 0.0
+    wind: tuple[float, float] = (0.0, 0.0)
+    temperature: float = KELVIN + 25.0
+    humidity: float = 0.5
+    cloud: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Where the sun stands, refraction included [rad]. azimuth: clockwise from the north of the world."""
+
+    azimuth: float
+    elevation: float
+
+
+class SiteWeather:
+    """The weather of a field through a run.
+
+    params: as the scenario says it
+    origin: where the field lies, None = nobody knows
+    folder: where relative file names start
+    """
+
+    def __init__(self, params: Weather, origin: Origin | None = None, folder: Path | None = None) -> None:
+        self.params, self._origin = params, origin
+        self.start = None if params.time is None else _moment(params.time)
+        self._rows = _rows(params, self.start, folder or Path()) if params.file is not None else None
+        self._constant = None if self._rows is not None else _air(params)
+        if (params.sun_azimuth_deg is None) != (params.sun_elevation_deg is None) and self._rows is None:
+            key = "sun_azimuth_deg" if params.sun_azimuth_deg is None else "sun_elevation_deg"
+            raise InputError(f"field.weather.{key}", None, "expected both angles of the sun, or none")
+        if self._is_by_place and self.start is not None and origin is None and self._rows is None:
+            expected = "expected a field that lies on Earth: field.origin, or an imported one"
+            raise InputError("field.weather.time", params.time, expected)
+
+    @property
+    def _is_by_place(self) -> bool:
+        given = self._rows or {}
+        return self.params.sun_elevation_deg is None and "sun_elevation_deg" not in given
+
+    @property
+    def may_be_dim(self) -> bool:
+        """Whether there is rain, fog or dust at any time."""
+        if self._constant is not None:
+            return extinction(self._constant, GREEN) > 0.0
+        rows = self._rows or {}
+        named = ("rain_mm_h", "fog_mor_m", "dust_per_m")
+        return any(name in rows or getattr(self.params, name) for name in named)
+
+    def at(self, t: int) -> Air:
+        """The air at a time of the run [ns]."""
+        return self._constant or _air(self.params_at(t))
+
+    def sun(self, t: int) -> Sun | None:
+        """The sun at a time of the run [ns]; None where the scenario says nothing of it."""
+        params = self.params_at(t)
+        if params.sun_azimuth_deg is not None and params.sun_elevation_deg is not None:
+            return Sun(params.sun_azimuth_deg * DEG, params.sun_elevation_deg * DEG)
+        if self.start is None or self._origin is None:
+            return None
+        step = t // (SUN_STEP_S * NS)
+        return sun_at(self.start + timedelta(seconds=step * SUN_STEP_S), self._origin)
+
+    def params_at(self, t: int) -> Weather:
+        """What the scenario and its file say at a time of the run [ns]."""
+        rows, start = self._rows, self.start
+        if rows is None or start is None:
+            return self.params
+        hour = start.hour + start.minute / 60.0 + (start.second + t / NS) / 3600.0
+        found: dict[str, Any] = {
+            name: float(np.interp(hour, rows["hour"], rows[name])) for name in rows if name != "hour"
+        }
+        if {"wind_east", "wind_north"} <= found.keys():  # between rows a vector, not an angle
+            east, north = found.pop("wind_east"), found.pop("wind_north")
+            found |= {"wind_m_s": hypot(east, north), "wind_azimuth_deg": atan2(east, north) / DEG}
+        return replace(self.params, **found)
+
+
+def extinction(air: Air, wavelength: float, rain_law: RainLaw = "drops") -> float:
+    """Extinction of light of a wavelength [m] by fog, dust and rain together [1/m]."""
+    return fog_extinction(air.mor, wavelength) + rain_extinction(air.rain, rain_law) + air.dust
+
+
+def rain_extinction(rain: float, law: RainLaw) -> float:
+    """Extinction of light by rain [mm/h], by a law of the module's head [1/m]."""
+    return 0.01 * float(rain**0.6) if law == "goodin" else 3.65e-4 * float(rain**0.63)
+
+
+def fog_extinction(mor: float, wavelength: float, left: float = LEFT_AT_MOR) -> float:
+    """Extinction of light by fog or haze [1/m].
+
+    mor: distance after which the share `left` of a beam remains at 550 nm [m], inf = clear; wavelength: [m]
+    """
+    if mor == inf:
+        return 0.0
+    km = mor / 1000.0
+    if km > 50.0:
+        q = 1.6
+    elif km > 6.0:
+        q = 1.3
+    elif km > 1.0:
+        q = 0.16 * km + 0.34
+    else:
+        q = max(km - 0.5, 0.0)
+    return -log(left) / mor * float((wavelength / GREEN) ** -q)
+
+
+@lru_cache(maxsize=256)
+def sun_at(moment: datetime, origin: Origin) -> Sun:
+    """The sun by the algorithm of Reda and Andreas 2004 (doi:10.1016/j.solener.2003.12.003).
+
+    Its azimuth is against the north of the grid, which the world's axes follow.
+    """
+    with Extra("light", "the sun by time and place"):
+        from pvlib.solarposition import get_solarposition
+    lon, lat = origin.to_lon_lat([[0.0, 0.0]])[0].tolist()
+    found = get_solarposition([moment], lat, lon, altitude=origin.height).iloc[0]
+    north = origin.grid()["convergence_deg"]
+    return Sun(
+        round((float(found["azimuth"]) - north) * DEG, 9), round(float(found["apparent_elevation"]) * DEG, 9)
+    )
+
+
+def _air(p: Weather) -> Air:
+    heading = from_azimuth(p.wind_azimuth_deg)
+    return Air(
+        rain=p.rain_mm_h,
+        mor=inf if p.fog_mor_m is None or isnan(p.fog_mor_m) else p.fog_mor_m,
+        dust=p.dust_per_m,
+        wind=(p.wind_m_s * cos(heading), p.wind_m_s * sin(heading)),
+        temperature=KELVIN + p.temperature_c,
+        humidity=p.humidity_percent * PERCENT,
+        cloud=p.cloud_percent * PERCENT,
+    )
+
+
+def _moment(text: str) -> datetime:
+    """A time with its zone. InputError for anything else."""
+    expected = "expected a time with its zone, such as 2026-07-25T13:34+02:00"
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise InputError("field.weather.time", text, expected) from None
+    if moment.tzinfo is None:
+        raise InputError("field.weather.time", text, expected)
+    return moment
+
+
+def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np.ndarray]:
+    """Columns of the file, hours rising, the wind as a vector. InputError for what no weather can be."""
+    path = folder / str(params.file)
+    if start is None:
+        raise InputError(
+            "field.weather.time", None, "expected the time at which the run starts, for the file"
+        )
+    rows = read_numbers(path, ["hour"], COLUMNS)
+    if len(rows["hour"]) == 0 or (np.diff(rows["hour"]) <= 0.0).any():
+        raise InputError("hour", None, "expected at least one row, hours that rise", file=path)
+    for name, column in rows.items():
+        if not np.isfinite(column).all():
+            raise InputError(name, None, "expected a number in every row", file=path)
+    for ends in (np.min, np.max):
+        given = {name: float(ends(column)) for name, column in rows.items() if name != "hour"}
+        try:
+            adapter_of(Weather).validate_json(json.dumps([given]))
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise InputError(str(first["loc"][-1]), first["input"], first["msg"].lower(), file=path) from None
+    if "wind_m_s" in rows or "wind_azimuth_deg" in rows:
+        speed = rows.pop("wind_m_s", np.full(len(rows["hour"]), params.wind_m_s))
+        azimuth = rows.pop("wind_azimuth_deg", np.full(len(rows["hour"]), params.wind_azimuth_deg)) * DEG
+        rows |= {"wind_east": speed * np.sin(azimuth), "wind_north": speed * np.cos(azimuth)}
+    return rows
