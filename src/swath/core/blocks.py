@@ -406,6 +406,14 @@ class ShownToAll:
                 return [values[world] for world in self.worlds]
         return None
 
+    def columns(self, kind: type[Signal], names: Sequence[str]) -> NDArray[np.float64] | None:
+        """Numbers of the sample of a type, (worlds, names); None without one."""
+        for sent in self._sent.values():
+            if issubclass(sent.kind, kind):
+                every = [sent.column(name, self.worlds) for name in names]
+                return np.stack(np.broadcast_arrays(np.zeros(len(self.worlds)), *every)[1:], axis=1)
+        return None
+
     def newest(self, kind: type[Signal], machine: str) -> Pile | None:
         """Where the newest that nobody has looked at lies; None = nowhere."""
         piles = () if self._blocks is None else self._blocks.piles(kind, machine)

@@ -145,6 +145,15 @@ class Sent:
         found: list[Any] = self.all.arrays[name].tolist()
         return found
 
+    def column(self, name: str, worlds: Sequence[int]) -> Any:
+        """A number in some worlds, or one for all."""
+        if self._each is not None:
+            return [getattr(self._each[world], name) for world in worlds]
+        if name == "t":
+            return self.all.t
+        found = field_of(self.all, name)
+        return found[worlds] if name in self.all.arrays else found
+
     def number(self, world: int, name: str) -> Any:
         """A field in one world, a pose as 12 numbers."""
         if self._each is not None:

@@ -63,10 +63,10 @@ def steps_between(begin: float, end: float) -> int:
     return max(round(abs(end - begin) / STEP_M), 2)
 
 
-def start_across(pose: Sequence[float], x: float, begin: float) -> Place:
+def start_across(pose: Any, x: Any, begin: Any) -> Any:
     """Where a line across a machine begins, x ahead and `begin` to the left of its origin [m].
 
-    pose: pose_world_machine as 12 numbers: position, then rows of the rotation
+    pose: pose_world_machine as 12 numbers: position, then rows of the rotation; of several machines (12, n)
     """
     px, py, _, ax, bx, _, ay, by = pose[:8]
     return px + bx * begin + ax * x, py + by * begin + ay * x
@@ -107,17 +107,18 @@ def edges_of(crop: Bits) -> list[Array]:
     is_edge = (2 * inside > _HALF) & (2 * outside > _HALF)
     row, at, score = row[is_edge], at[is_edge], (inside + outside)[is_edge]
     starts = np.searchsorted(row, np.arange(n + 1))
-    return [_best(at[a:b], score[a:b]) for a, b in pairwise(starts.tolist())]
+    places = at.astype(float)
+    ends = pairwise(starts.tolist())
+    return [places[a:b] if b <= a + 1 else _best(places[a:b], score[a:b]) for a, b in ends]
 
 
-def _best(at: NDArray[np.intp], score: NDArray[np.int32]) -> Array:
+def _best(at: Array, score: NDArray[np.int32]) -> Array:
     """The places that split best among those within SIDE_M; of equal ones the outermost."""
-    if len(at) > 1:
-        near = np.abs(at[:, None] - at) <= _HALF
-        earlier = at[:, None] > at
-        better = near & ((score > score[:, None]) | ((score == score[:, None]) & earlier))
-        at = at[~better.any(axis=1)]
-    return at.astype(float)
+    near = np.abs(at[:, None] - at) <= _HALF
+    earlier = at[:, None] > at
+    better = near & ((score > score[:, None]) | ((score == score[:, None]) & earlier))
+    found: Array = at[~better.any(axis=1)]
+    return found
 
 
 class InitialEdge(Protocol):

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
-from math import isfinite
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,16 +99,8 @@ class EdgeSeries:
         return [(a, b) for a, b in zip(begins.tolist(), ends.tolist(), strict=True) if b - a > EPISODE_M]
 
 
-@saved_type()
-@dataclass
-class _Row:
-    """A sample, where it was, and whether crop stands on the line across the machine there, packed."""
-
-    t: int
-    distance: float
-    edge: CropEdge
-    crop: NDArray[np.uint8]
-    place: tuple[float, ...]  # as in `lines`
+# what is noted of a sample, beside its time and the distance, and its place as in `lines`
+TOLD = ("reference_x", "offset", "confidence", "is_held", "offset_sd")
 
 
 @saved_type("t", "rows")
@@ -134,19 +124,18 @@ class States:
         return States(np.concatenate([self.t, block["t"]]), np.concatenate([self.rows, rows]))
 
     @property
-    def newest(self) -> tuple[int, Any, float]:
-        """Time [ns], -1 = none; pose as 12 numbers; distance."""
-        if not len(self.t):
-            return -1, (), 0.0
-        return int(self.t[-1]), self.rows[-1, :12].tolist(), float(self.rows[-1, 12])
+    def newest(self) -> list[float]:
+        """Time [ns], -1 = none; the row."""
+        return [float(self.t[-1]), *self.rows[-1].tolist()] if len(self.t) else [-1.0] + [0.0] * 13
 
-    def at(self, t: int) -> tuple[Any, float]:
-        """True pose as 12 numbers and distance at t [ns]; position and angles are interpolated."""
+    def at(self, t: int) -> list[float]:
+        """True row at t [ns]; position and angles are interpolated."""
         after = min(int(np.searchsorted(self.t, t)), len(self.t) - 1)
         if self.t[after] == t or after == 0:
-            return self.rows[after, :12].tolist(), float(self.rows[after, 12])
+            found: list[float] = self.rows[after].tolist()
+            return found
         pose, distance = between_states(self._of(after - 1), self._of(after), t)
-        return plain(pose), distance
+        return [*plain(pose), distance]
 
     def _of(self, k: int) -> tuple[int, Pose, float]:
         return int(self.t[k]), _pose_of(self.rows[k, :12]), float(self.rows[k, 12])
@@ -195,8 +184,9 @@ class EdgeDetection(SeesAll, Later):
         self._knife_x = self._reference
         self._states = States()
         self.rests_until = NEVER  # unless the truth has to reach the time of an edge
-        self._waiting: list[CropEdge] = []
-        self._rows: list[_Row] = []
+        self._waiting: list[list[float]] = []  # t and TOLD of samples that are before the truth
+        self._rows: list[list[float]] = []  # t, distance, TOLD but the reference, place as in `lines`
+        self._crop: list[NDArray[np.uint8]] = []  # where it stands on the line across, packed
         self._judged = KeptRows(10)
         self._newest: F64 | None = None  # row of those
 
@@ -212,31 +202,22 @@ class EdgeDetection(SeesAll, Later):
         """Look up what stands where edges are reported, once the truth has reached their times."""
         pile, worlds = shown.newest(MachineState, parts[0].setup.name), shown.worlds
         if pile is None:
-            now: Any = [judge._states.newest for judge in parts]
+            now = np.array([judge._states.newest for judge in parts])
         else:
-            now = zip(*(pile.last(name, worlds).tolist() for name in ("t", "pose", "distance")), strict=True)
-        for k, (judge, newest) in enumerate(zip(parts, now, strict=True)):
-            outputs = shown.of(k)
-            judge._waiting += outputs.samples(CropEdge)
-            while judge._waiting and judge._waiting[0].t <= newest[0]:
+            now = np.column_stack([pile.last(name, worlds) for name in ("t", "pose", "distance")])
+        told = shown.columns(CropEdge, ("t", *TOLD))
+        if told is not None and (told[:, 0] == now[:, 0]).all() and not any(j._waiting for j in parts):
+            _look(parts, told, now[:, 1:])
+            return
+        for k, (judge, newest) in enumerate(zip(parts, now.tolist(), strict=True)):
+            judge._waiting += [] if told is None else [told[k].tolist()]
+            while judge._waiting and judge._waiting[0][0] <= newest[0]:
                 edge, place = judge._waiting.pop(0), newest[1:]
-                if edge.t < newest[0]:
-                    states = judge._states.with_block(outputs.waiting(MachineState, judge.setup.name))
-                    place = states.at(edge.t)
-                judge._look(edge, *place)
+                if edge[0] < newest[0]:
+                    states = judge._states.with_block(shown.of(k).waiting(MachineState, judge.setup.name))
+                    place = states.at(int(edge[0]))
+                _look([judge], np.array([edge]), np.array([place]))
             judge.rests_until = 0 if judge._waiting else NEVER
-
-    def _look(self, edge: CropEdge, pose: Sequence[float], distance: float) -> None:
-        """Note what stands where an edge is reported. pose: as 12 numbers."""
-        if isfinite(edge.reference_x):  # where none is reported, the last one counts, at first the knife
-            self._reference = edge.reference_x
-        begin, end = self._begin, 2.0 * self._end_y - self._begin
-        count, start = steps_between(begin, end), start_across(pose, self._reference, begin)
-        along, width = self._along or crop_along, (end - begin) / count
-        crop = np.packbits(along(self.setup.field, pose, [start], width, count))
-        px, py, _, ax, bx, _, ay, by = pose[:8]
-        place = _place((px, ax, bx), (py, ay, by), (self._reference, self._knife_x), self._end_y)
-        self._rows.append(_Row(edge.t, distance, edge, crop, place))
 
     def look(self) -> None:
         """Look up what stands where edges were reported up to the time of the newest state."""
@@ -270,13 +251,13 @@ class EdgeDetection(SeesAll, Later):
     def true_offset(self) -> float:
         """Of the newest judged sample, y in the machine frame [m], nan = there is no true edge."""
         if self._rows:
-            return float(self._judge(self._rows[-1:])[0, 2])
+            return float(self._judge(self._rows[-1:], self._crop[-1:])[0, 2])
         return NAN if self._newest is None else float(self._newest[2])
 
     @property
     def newest_t(self) -> int:
         """Time of the newest judged sample [ns], -1 before there is one."""
-        return self._rows[-1].t if self._rows else -1 if self._newest is None else int(self._newest[0])
+        return int(self._rows[-1][0] if self._rows else -1 if self._newest is None else self._newest[0])
 
     def columns(self) -> tuple[Column, ...]:
         """The true edge and the crop that stands, for the newest detected edge."""
@@ -307,29 +288,30 @@ class EdgeDetection(SeesAll, Later):
 
     def _judge_rows(self) -> None:
         if self._rows:
-            judged = self._judge(self._rows)
+            judged = self._judge(self._rows, self._crop)
             self._judged.add(judged.ravel())
             self._newest = judged[-1].copy()
-            self._rows = []
+            self._rows, self._crop = [], []
 
-    def _judge(self, rows: Sequence[_Row]) -> F64:
+    def _judge(self, rows: Sequence[list[float]], packed: Sequence[NDArray[np.uint8]]) -> F64:
         """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, wall."""
         count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
-        crop = np.unpackbits(np.stack([r.crop for r in rows]), axis=1, count=count).astype(bool)
+        crop = np.unpackbits(np.stack(packed), axis=1, count=count).astype(bool)
         places = edges_of(crop)
         at = np.full((len(rows), 1 + max(map(len, places))), NAN)
         for k, own in enumerate(places):
-            at[k, : len(own)] = self._begin - self.side * STEP_M * own
-        edges = [(r.t, r.distance, r.edge) for r in rows]
-        told = [(t, d, e.offset, e.is_found, e.confidence, e.is_held, e.offset_sd) for t, d, e in edges]
-        t, distance, offset, found, confidence, is_held, sd = np.array(told, dtype=float).T
+            at[k, : len(own)] = own
+        at = self._begin - self.side * STEP_M * at
+        table = np.array(rows)
+        t, distance, offset, confidence, is_held, sd = table[:, :6].T
+        found = (confidence > 0.0) & np.isfinite(offset)
         exists = (np.abs(at - self._end_y) <= NEAR_M).any(axis=1)
-        seen = np.where(found > 0.0, offset, NAN)
-        asked = np.where(found > 0.0, seen, np.where(exists, self._end_y, NAN))
+        seen = np.where(found, offset, NAN)
+        asked = np.where(found, seen, np.where(exists, self._end_y, NAN))
         gap = np.abs(at - asked[:, None])
         nearest = np.where(np.isfinite(gap), gap, np.inf).argmin(axis=1)
         wall = np.where(np.isfinite(asked), at[np.arange(len(rows)), nearest], NAN)
-        line = self.lines(np.array([row.place for row in rows]))
+        line = self.lines(table[:, 6:])
         true = np.where(np.isfinite(line), line, wall)
         return np.stack([t, distance, true, seen, found, exists, confidence, is_held, sd, wall], axis=1)
 
@@ -357,13 +339,27 @@ def between_states(
     return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
 
 
-def _place(x: tuple[Any, ...], y: tuple[Any, ...], ahead: tuple[Any, Any], left: Any) -> tuple[Any, ...]:
-    """Points of a machine in the world, and its y axis there, as in `EdgeDetection.lines`.
+def _look(parts: Sequence[EdgeDetection], told: F64, places: F64) -> None:
+    """Note what stands where edges are reported.
 
-    x, y: of the world, each with its rate along the machine's x and y axis; ahead, left: in the machine
+    told: t and TOLD of each, (n, 6); places: rows of `States`, (n, 13)
     """
-    ends = [v + a * at + b * left for at in ahead for v, a, b in (x, y)]
-    return *ends, x[2], y[2]
+    # where none is reported, the last one counts, at first the knife
+    last = np.array([judge._reference for judge in parts])
+    reference = np.where(np.isfinite(told[:, 1]), told[:, 1], last)
+    begin, end_y, knife_x = np.array([(judge._begin, judge._end_y, judge._knife_x) for judge in parts]).T
+    starts = np.stack(start_across(places.T, reference, begin), axis=1)
+    px, py, _, ax, bx, _, ay, by = places[:, :8].T
+    ends = [v + a * at + b * end_y for at in (reference, knife_x) for v, a, b in ((px, ax, bx), (py, ay, by))]
+    rows = np.column_stack([told[:, 0], places[:, 12], told[:, 2:], *ends, bx, by]).tolist()
+    of_each = parts, places.tolist(), starts.tolist(), reference.tolist(), rows
+    for judge, pose, start, at, row in zip(*of_each, strict=True):
+        judge._reference = at
+        begins, ends_at = judge._begin, 2.0 * judge._end_y - judge._begin
+        count, along = steps_between(begins, ends_at), judge._along or crop_along
+        crop = along(judge.setup.field, pose[:12], [start], (ends_at - begins) / count, count)
+        judge._rows.append(row)
+        judge._crop.append(np.packbits(crop))
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
