@@ -119,8 +119,8 @@ class Closes(Protocol, metaclass=ByMembers):
 class EndsRun(Protocol, metaclass=ByMembers):
     """A part, or an evaluator, that may end the run.
 
-    end_reason: asked before every tick, with its time [ns]; a text ends the run before that tick and says
-    why in the summary, an empty one lets it go on
+    end_reason: asked before every tick, with its time [ns], and of an evaluator where it was shown anything
+    since; a text ends the run before that tick and says why in the summary, an empty one lets it go on
     """
 
     def end_reason(self, t: int) -> str:

@@ -333,6 +333,7 @@ class Lockstep:
         self._followers: dict[str, list[tuple[int, Observer]]] = {}
         self._looked_at: list[tuple[int, Audience]] | None = None  # ops, by place
         self._enders: list[tuple[int, EndsRun]] | None = None  # who looks on, by world
+        self._has_news = True  # for them, since they were asked last
         self._latest: dict[Wire, Sent] = {}
         self._before: dict[Wire, Sent] = {}
         self._ranks: list[_Rank] = []
@@ -389,6 +390,7 @@ class Lockstep:
         self._count_steps()
         self._has_room = False
         piles = self.blocks.take()
+        self._has_news |= bool(piles)
         for world in self.going if piles else ():
             if takers := self._watched[world].takers:
                 seen = Seen([Block(pile, world) for pile in piles])
@@ -397,7 +399,7 @@ class Lockstep:
 
     def look_around(self, *, anew: bool = False) -> None:
         """Take note of the observers that there are. anew: of what they look at, too."""
-        self._followers = {}
+        self._followers, self._has_news = {}, True
         for world, graph in enumerate(self.graphs):
             for slot, follow in graph.follows.items():
                 self._followers.setdefault(slot, []).append((world, follow))
@@ -599,7 +601,7 @@ class Lockstep:
     def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
         """Show what a slot sent to those who look at it at its time."""
         for audience in self._seen_by(rank, [sent.kind for sent in outputs.values()]):
-            audience.show(rank.name, t, outputs, self.blocks)
+            self._has_news |= audience.show(rank.name, t, outputs, self.blocks) and audience.may_end
 
     def _tell(self, rank: "_Rank", t: int, outputs: Mapping[str, Sent]) -> None:
         """Tell who follows a slot of its newest sample."""
@@ -845,8 +847,11 @@ class Lockstep:
     def _observers_end(self, t: int) -> dict[int, str]:
         """The same of those that look on."""
         if self._enders is None:
+            self._has_news = True
             self._enders = [(world, e) for world in self.going for e in self._watched[world].enders]
-        found = [(world, reason) for world, ender in self._enders if (reason := ender.end_reason(t))]
+        asked = self._enders if self._has_news else ()
+        found = [(world, reason) for world, ender in asked if (reason := ender.end_reason(t))]
+        self._has_news = bool(found)  # once one does, it does later, too
         return dict(reversed(found))
 
     def _step(self, rank: _Rank, t: int) -> None:

@@ -17,20 +17,22 @@ class Audience:
     """Those of one class, each in its world, that are shown what a slot sends; all of them rest, or none.
 
     A class with `see_all(parts, slot, t, ShownToAll)` is shown samples of all its worlds at once.
+    may_end: whether one of them may end a world
     """
 
     def __init__(self, worlds: Sequence[int], lookers: Sequence[Looker]) -> None:
         self._worlds, self._lookers = worlds, lookers
         self._parts = [looker.part for looker in lookers]
         self._rests = lookers[0].rests
+        self.may_end = any(isinstance(part, EndsRun) for part in self._parts)
         self._see_all = getattr(type(self._parts[0]), "see_all", None)
 
     def sleeps(self) -> int:
         """Until when [ns] none of them has to be shown anything."""
         return min(map(_rest, self._parts)) if self._rests else 0
 
-    def show(self, slot: str, t: int, sent: Mapping[str, Sent], blocks: Blocks) -> None:
-        """Show what a slot sent at t [ns] to those that do not rest."""
+    def show(self, slot: str, t: int, sent: Mapping[str, Sent], blocks: Blocks) -> bool:
+        """Show what a slot sent at t [ns] to those that do not rest; whether there are any."""
         awake: Sequence[int] = range(len(self._parts))
         if self._rests:
             awake = [k for k, part in enumerate(self._parts) if t >= part.rests_until]
@@ -40,6 +42,7 @@ class Audience:
         elif awake:
             shown = ShownToAll(sent, [self._worlds[k] for k in awake], blocks)
             self._see_all([self._parts[k] for k in awake], slot, t, shown)
+        return bool(awake)
 
 
 class Onlookers:
