@@ -9,6 +9,7 @@ on the crop side in `signed_distance` and > 0 to the left in `project`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import atan2, hypot, inf, pi, tan
 from typing import Any
 
@@ -85,20 +86,26 @@ class Piece:
     def project(self, x: Array, y: Array) -> tuple[Array, Array]:
         """(way into the piece, offset > 0 left) [m] of the nearest point of the piece."""
         t, offset = self._unbounded(x, y)
-        for outside, end, turn in (
-            (t < 0.0, 0.0, self.turn_in),
-            (t > self.length, self.length, self.turn_out),
-        ):
-            if np.any(outside):
-                ex, ey, _ = self.at(end)
+        for outside, (ex, ey, c, s) in zip((t < 0.0, t > self.length), self._ends, strict=True):
+            if outside.any():
                 dx, dy = x - ex, y - ey
-                side = np.where(np.cos(turn) * dy - np.sin(turn) * dx < 0.0, -1.0, 1.0)
+                side = np.where(c * dy - s * dx < 0.0, -1.0, 1.0)
                 offset = np.where(outside, side * np.hypot(dx, dy), offset)
-        return np.clip(t, 0.0, self.length), offset
+        return t.clip(0.0, self.length), offset
+
+    @cached_property
+    def _turn(self) -> tuple[Any, Any]:
+        return np.cos(self.heading), np.sin(self.heading)
+
+    @cached_property
+    def _ends(self) -> list[tuple[Any, ...]]:
+        """x, y, cosine and sine of the turn of its start and end."""
+        ends = (0.0, self.turn_in), (self.length, self.turn_out)
+        return [(*self.at(t)[:2], np.cos(turn), np.sin(turn)) for t, turn in ends]
 
     def _unbounded(self, x: Array, y: Array) -> tuple[Array, Array]:
         dx, dy = x - self.x, y - self.y
-        c, s = np.cos(self.heading), np.sin(self.heading)
+        c, s = self._turn
         if self.curvature == 0.0:
             return dx * c + dy * s, dy * c - dx * s
         r = 1.0 / self.curvature
@@ -137,13 +144,15 @@ class EdgeShape:
 
     def project(self, x: Any, y: Any) -> tuple[Array, Array]:
         """(s, offset > 0 left) [m] of the nearest point of the edge; s < 0 or > length beyond the ends."""
-        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        if x.shape != y.shape:
+            x, y = np.broadcast_arrays(x, y)
         s, best = np.zeros(x.shape), np.full(x.shape, inf)
         for piece in self._near(x, y):
             t, offset = piece.project(x, y)
             closer = np.abs(offset) < np.abs(best)
-            best = np.where(closer, offset, best)
-            s = np.where(closer, piece.s + t, s)
+            np.copyto(best, offset, where=closer)
+            np.copyto(s, piece.s + t, where=closer)
         return s, best
 
     def point_at(self, s: Any) -> Array:
