@@ -15,14 +15,14 @@ from ray_scenes import make_beams
 
 from swath.core.random import Stream
 from swath.field.crop_sheet import load_crop
-from swath.field.edge_defects import BrokenEdge
+from swath.field.edges.edge_defects import BrokenEdge
+from swath.field.edges.track import EdgeShape, straight
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.stand.uniform import Params as StandParams
 from swath.field.stand.uniform import Uniform
 from swath.field.terrain.plane import Params as PlaneParams
 from swath.field.terrain.plane import Plane
-from swath.field.track import EdgeShape, straight
 from swath.rays.engine import RayCaster
 
 WIDTH, LENGTH = 12.0, 0.5

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.field.track import EdgeShape
+from swath.field.edges.track import EdgeShape
 from swath.judge.evaluators.edge_detection import SURE, WRONG_M
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive

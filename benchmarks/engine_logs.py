@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.units import RPM
-from swath.field_io.machine_log import MachineLog, read_machine_log
-from swath.field_io.table import read_table
+from swath.field_io.logs.machine_log import MachineLog, read_machine_log
+from swath.field_io.logs.table import read_table
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.tools.compare_log.compare import Drive, LogRunner, compare_log, usable

@@ -73,7 +73,7 @@ def tested(count: int) -> dict[str, float]:
 def main(out_dir: Path | str = "out/bench", *, worlds: int = 256, steps: int = 20) -> dict[str, Any]:
     """Measure, print, write environments.json."""
     import swath
-    from swath.core.collector import collected_rarely
+    from swath.core.process.collector import collected_rarely
 
     with collected_rarely():
         rows = {"Env": stepped(swath.Env("straight", sets=SETS), 1, steps)}

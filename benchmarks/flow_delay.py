@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.field.drawn_logs import draw
 
 from swath.field_io.delay import estimate_delays
-from swath.field_io.log import read_log
+from swath.field_io.logs.log import read_log
 
 
 def main() -> None:

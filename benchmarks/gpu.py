@@ -50,7 +50,7 @@ def kernels(wp: Any) -> dict[str, tuple[Any, int]]:
 
 def timed(wp: Any, caster: RayCaster, made: tuple[Any, int], o: Any, d: Any) -> float:
     """Seconds of the kernel alone, the least of five, on rays that lie on the device."""
-    from swath.field.solids import NOTHING
+    from swath.field.solid.solids import NOTHING
 
     kernel, block = made
     kinds = (wp.float32, wp.uint8, wp.float32, wp.float32)

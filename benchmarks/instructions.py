@@ -34,7 +34,7 @@ RUN, PLACES, REST = "counted", "places", "graph, loop"
 def inside(options: argparse.Namespace) -> None:
     """The run; counts between two calls of callgrind_control."""
     from swath.api import load_scenario
-    from swath.core.collector import collect_rarely
+    from swath.core.process.collector import collect_rarely
     from swath.judge.evaluator import SETTLING_M
     from swath.record.digest import Digest
     from swath.record.recorder import Recorder

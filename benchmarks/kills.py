@@ -27,8 +27,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from swath.core.output_folder import LOCK
-from swath.core.whole_file import PART
+from swath.core.files.output_folder import LOCK
+from swath.core.files.whole_file import PART
 from swath.tools.function_test.journal import finished
 
 SIGNALS = {"SIGKILL": -signal.SIGKILL, "SIGTERM": 143, "SIGINT": 130}

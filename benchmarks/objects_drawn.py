@@ -29,13 +29,13 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.crop_sheet import load_crop
-from swath.field.edge import GapParams, StraightEdge, make_edge
+from swath.field.edges.edge import GapParams, StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ
-from swath.field.obstacles import Path as ObstaclePath
-from swath.field.obstacles import SheetObstacle, things_of
 from swath.field.site_setup import SiteSetup
+from swath.field.solid.obstacles import Path as ObstaclePath
+from swath.field.solid.obstacles import SheetObstacle, things_of
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.sensing.lidar import plants

@@ -25,6 +25,7 @@ from swath.runtime.kept import KeptFields
 from swath.tools.function_test import session
 from swath.tools.function_test.case import Point
 from swath.tools.function_test.journal import Journal
+from swath.tools.function_test.judging.verdict import BROKEN
 from swath.tools.function_test.odd.binding import Odd, find_odd, read_odd
 from swath.tools.function_test.odd.campaign import ROUND, Campaign, conduct, pair_count, revision_of
 from swath.tools.function_test.odd.causes import causes_of
@@ -34,7 +35,6 @@ from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.odd.dossier import write_dossier
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import PlannedRun
-from swath.tools.function_test.verdict import BROKEN
 
 SLOPE, DENSITY = "terrain.side_slope", "process.density"
 BIAS_M, STEEP_PERCENT, THIN = 0.2, 10.0, 150.0

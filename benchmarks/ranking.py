@@ -21,7 +21,7 @@ from swath.core.foreign_code import allow_code
 from swath.documents.yaml_document import parse_value
 from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.fidelity import CHEAP, DEAR, LEVEL_BIAS_M
-from swath.tools.function_test.paired import difference
+from swath.tools.function_test.judging.paired import difference
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import begin, open_session
 

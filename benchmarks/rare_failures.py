@@ -17,8 +17,8 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import chi2
 
 from swath.signals import F64
-from swath.tools.function_test.estimate import SEARCHING
-from swath.tools.function_test.rare import Hunt, Rate, log_exposure, rate_of
+from swath.tools.function_test.estimate.estimate import SEARCHING
+from swath.tools.function_test.estimate.rare import Hunt, Rate, log_exposure, rate_of
 
 RARE = 1e-4
 Margin = Callable[[F64], F64]

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from swath.signals import F64
-from swath.tools.function_test.boundary import sobol_points
 from swath.tools.function_test.compare import Comparison, compare
 from swath.tools.function_test.plan import Plan
+from swath.tools.function_test.search.boundary import sobol_points
 from swath.tools.function_test.session import begin
 from swath.tools.tune.optimiser import Measured, optimise, winner
 from swath.tools.tune.parameters import Parameter, as_sets

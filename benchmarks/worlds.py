@@ -35,7 +35,7 @@ CASES: dict[str, dict[str, Any]] = {
 def driven(case: str, seed: int, worlds: int, seconds: float) -> tuple[float, float]:
     """CPU seconds of the assembly of worlds and of driving them, per simulated second of a world."""
     from swath.api import load_scenario
-    from swath.core.collector import collected_rarely
+    from swath.core.process.collector import collected_rarely
     from swath.runtime.assembly import assemble
     from swath.runtime.worlds import drive_together
 

@@ -1,7 +1,7 @@
 """Solids of obstacles as they stand at t = 0."""
 
-from swath.field.obstacles import things_of
-from swath.field.solids import merge
+from swath.field.solid.obstacles import things_of
+from swath.field.solid.solids import merge
 
 
 def solids_of(obstacles, field):

@@ -8,8 +8,8 @@ from swath.commands.main import main
 from swath.runtime.credibility import SUMMARY as CREDIBILITY
 from swath.terminal.outcome import exit_code
 from swath.tools.function_test.command import _finish_odd, finish
-from swath.tools.function_test.estimate import Estimate, run_estimate
-from swath.tools.function_test.estimate_command import tell
+from swath.tools.function_test.estimate.command import tell
+from swath.tools.function_test.estimate.estimate import Estimate, run_estimate
 from swath.tools.function_test.journal import Journal
 from swath.tools.function_test.one_run import no_result
 from swath.tools.function_test.plan import Plan

@@ -10,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from swath.core.component import Outputs
-from swath.field.present_edge import STEP_M, crop_across, edges_of
+from swath.field.edges.present_edge import STEP_M, crop_across, edges_of
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario

@@ -14,9 +14,9 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swath.core.collector import collected_rarely
 from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import Gate, allow_code, code_in, texts_in, through
+from swath.core.process.collector import collected_rarely
 from swath.core.random import Stream
 from swath.core.registry import level_here
 from swath.documents.packed import read_arrays

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.temporary import TemporaryFolder
+from swath.core.files.temporary import TemporaryFolder
 
 # Kernels are compiled for this processor, or for the one that SWATH_CPU names as Clang does (`haswell` has
 # AVX2 and no AVX-512): the results are the same.

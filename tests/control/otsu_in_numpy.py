@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from swath.control.edge.canopy_offset import CanopyOffset, Rays
+from swath.control.edge.feet.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.otsu import Params, footprint
 from swath.control.edge.profile import crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination

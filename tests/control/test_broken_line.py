@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.control.edge.arc_track import Arc
-from swath.control.edge.broken_line import FREE, carried_on
+from swath.control.edge.line.broken_line import FREE, carried_on
 
 STEP, NOISE = 0.4, 0.02  # m from block to block; m, standard deviation of a block
 

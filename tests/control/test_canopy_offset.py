@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.control.edge.canopy_offset import LAYER, TALLEST, CanopyOffset, Rays, height_at, stopped
+from swath.control.edge.feet.canopy_offset import LAYER, TALLEST, CanopyOffset, Rays, height_at, stopped
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive as run

@@ -7,9 +7,17 @@ from swath.control.edge.arc_track import Arc, ArcTrack
 from swath.control.edge.blocks import Found
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
 from swath.control.edge.canopy_rays import RayAnswers
-from swath.control.edge.edge_breaks import EdgeBreaks
-from swath.control.edge.edge_wall import EVEN, TURNED, JaggedWall, Wall, WallsBehind, place_along, wall_of
-from swath.control.edge.near_line import EdgePoints
+from swath.control.edge.line.edge_breaks import EdgeBreaks
+from swath.control.edge.line.edge_wall import (
+    EVEN,
+    TURNED,
+    JaggedWall,
+    Wall,
+    WallsBehind,
+    place_along,
+    wall_of,
+)
+from swath.control.edge.line.near_line import EdgePoints
 from swath.signals import Odometry
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_likelihood_ratio import PERIOD, SPEED, detector, drive

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swath.control.edge.feet.stem_lean import StemLean
 from swath.control.edge.joined import Joined, JoinedParams, chance_of
 from swath.control.edge.likelihood_ratio import LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
-from swath.control.edge.stem_lean import StemLean
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.scenario.slots import CATALOGUE

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF, LAYER, LOWEST, PLACES
-from swath.control.edge.lean_ramp import LeanRamp
+from swath.control.edge.feet.lean_ramp import LeanRamp
 
 HEIGHT, OVERHANG = 0.85, 0.04  # m
 

@@ -22,10 +22,10 @@ from swath.control.edge.canopy_classes import (
     PLACES,
     ROOM,
 )
-from swath.control.edge.canopy_feet import CanopyFeet
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
+from swath.control.edge.feet.canopy_feet import CanopyFeet
+from swath.control.edge.feet.overhang import HeightOverhang
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
-from swath.control.edge.overhang import HeightOverhang
 from swath.control.edge.populations import Populations
 from swath.core.frames import Pose
 from swath.core.random import Stream

@@ -5,7 +5,7 @@ import pytest
 
 from swath.control.edge.arc_track import Arc
 from swath.control.edge.block_track import DEEP
-from swath.control.edge.ragged_line import INNER, bite_of, ragged_line
+from swath.control.edge.line.ragged_line import INNER, bite_of, ragged_line
 from tests.control.test_likelihood_ratio import SPEED, drive
 
 

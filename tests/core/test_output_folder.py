@@ -7,8 +7,8 @@ import pytest
 
 from swath.commands.main import main, make_parser, subcommands
 from swath.core.errors import InputError
-from swath.core.output_folder import LOCK, check_folder, held
-from swath.core.whole_file import PART, new_file
+from swath.core.files.output_folder import LOCK, check_folder, held
+from swath.core.files.whole_file import PART, new_file
 
 OWN = ("a.json", "part-*.png")
 OTHERWISE = {  # where a command holds its folder: with what writes it

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from swath.core.errors import InputError
-from swath.core.read_file import check_readable, open_to_read
+from swath.core.files.read_file import check_readable, open_to_read
 from swath.documents.packed import member_names, open_archive, read_arrays
 from swath.documents.text_file import read_bytes, read_text, text_lines
 from swath.documents.yaml_document import read_document

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from swath.core.stopping import Terminated, raise_if_lost, stoppable
+from swath.core.process.stopping import Terminated, raise_if_lost, stoppable
 
 
 class Dropping:

@@ -9,11 +9,11 @@ import tempfile
 import pytest
 
 from swath.commands.main import main
-from swath.core.temporary import OPENING_S, PREFIX, TemporaryFolder
+from swath.core.files.temporary import OPENING_S, PREFIX, TemporaryFolder
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="locks as of POSIX")
 HOLDS = """
-from swath.core.temporary import TemporaryFolder
+from swath.core.files.temporary import TemporaryFolder
 made = TemporaryFolder("ssp")
 (made.path / "inner").mkdir()
 (made.path / "inner" / "file").write_text("x" * 1000)

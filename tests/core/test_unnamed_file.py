@@ -2,7 +2,7 @@
 
 from array import array
 
-from swath.core.unnamed_file import UnnamedFile
+from swath.core.files.unnamed_file import UnnamedFile
 
 
 def test_what_is_appended_is_read_where_it_lies():

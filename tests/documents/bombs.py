@@ -26,7 +26,7 @@ SLOW = ("csv.gz of small rows", "ISOXML of channels", "MCAP of zeros")  # not in
 
 def _log(text: bytes, count: int, head: bytes = b"lat,lon,flow,speed,swath\n") -> Callable[[Path], Any]:
     def read(folder: Path) -> Any:
-        from swath.field_io.log import read_log
+        from swath.field_io.logs.log import read_log
 
         path = folder / "log.csv.gz"
         with gzip.open(path, "wb", compresslevel=9) as stream:
@@ -47,7 +47,7 @@ def _zip(folder: Path, name: str, **members: bytes) -> Path:
 
 
 def _task(folder: Path, taskdata: str, header: str = "", records: bytes = b"") -> Any:
-    from swath.field_io.table import read_table
+    from swath.field_io.logs.table import read_table
 
     files = {"TASKDATA__XML": taskdata.encode(), "TLG00001__xml": header.encode(), "TLG00001__bin": records}
     return read_table(_zip(folder, "task.zip", **files))
@@ -141,7 +141,7 @@ def _made_geotiff(folder: Path) -> Path:
 
 
 def _geotiff(folder: Path) -> Any:
-    from swath.field.raster import Raster
+    from swath.field.maps.raster import Raster
 
     return Raster.from_geotiff(_made_geotiff(folder), may_be_empty=True)
 
@@ -149,7 +149,7 @@ def _geotiff(folder: Path) -> Any:
 def _dem(folder: Path) -> Any:
     import numpy as np
 
-    from swath.field.raster import Raster
+    from swath.field.maps.raster import Raster
     from swath.field_io.dem import read_dem
 
     field = Raster(np.zeros((60, 80), np.float32), 510_000.0, 4_990_000.0, 4.0, 32612)
@@ -187,7 +187,7 @@ def _sheet(folder: Path) -> Any:
 
 
 def _columns(folder: Path) -> Any:
-    from swath.field_io.columns import read_map
+    from swath.field_io.logs.columns import read_map
 
     return read_map(folder / "a.yaml", ["a"])
 
@@ -269,7 +269,7 @@ def _outlines(path: Path) -> Any:
 
 
 def _plain_log(path: Path) -> Any:
-    from swath.field_io.log import read_log
+    from swath.field_io.logs.log import read_log
 
     return read_log(path)
 

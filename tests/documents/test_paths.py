@@ -10,7 +10,7 @@ from swath.documents.data_sheets import read_sheet
 from swath.documents.yaml_document import read_document
 from swath.field.mesh_file import read_mesh
 from swath.field_io.folder import read
-from swath.field_io.log import read_log
+from swath.field_io.logs.log import read_log
 from swath.field_io.outline import read_outlines
 from swath.record.read.files import open_log
 from swath.record.tracks import read_tracks

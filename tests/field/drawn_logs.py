@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swath.field.projection import Origin, transform, utm_epsg
+from swath.field.maps.projection import Origin, transform, utm_epsg
 
 LB, FT, ACRE = 0.45359237, 0.3048, 4046.8564224
 FLOWS = {"flow_kg_s": 1.0, "flow_t_h": 3.6, "flow_lb_s": 1 / LB}

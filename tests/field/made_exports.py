@@ -5,7 +5,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import shapefile
 
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from tests.field.made_log import EAST, EPSG, HEADER, NORTH, SPEED, MadeLog
 
 FT, LB, ACRE = 0.3048, 0.45359237, 4046.8564224

@@ -3,9 +3,9 @@
 from functools import cache
 
 from swath.core.random import Stream
-from swath.field.boundary import Region
 from swath.field.crop_sheet import load_crop
-from swath.field.edge import StraightEdge, make_edge
+from swath.field.edges.boundary import Region
+from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.prototypes import make_library

@@ -9,7 +9,7 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.field.projection import ellipsoid
+from swath.field.maps.projection import ellipsoid
 from swath.field_io import folder
 from swath.field_io.agopengps import Plane, read_agopengps, write_agopengps
 from swath.field_io.importer import Settings, import_log

@@ -5,9 +5,9 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.obstacles import BoxObstacle, MeshObstacle, PostObstacle, StoneObstacle, things_of
 from swath.field.site_setup import Bodies, why_outside
-from swath.field.solids import box_on_ground, machine_body, merge, mesh, post, solid_count
+from swath.field.solid.obstacles import BoxObstacle, MeshObstacle, PostObstacle, StoneObstacle, things_of
+from swath.field.solid.solids import box_on_ground, machine_body, merge, mesh, post, solid_count
 from swath.field.stand import maps
 from swath.signals import MachineState
 from tests.field.made_field import made_field, rectangle
@@ -111,7 +111,7 @@ def test_a_machine_starts_outside_the_field_when_none_of_it_is_inside():
 
 
 def test_a_machine_starts_outside_where_the_stand_is_not_known():
-    from swath.field.raster import Raster
+    from swath.field.maps.raster import Raster
     from tests.field.made_field import SETUP
 
     density = Raster(np.full((40, 40), 400.0, np.float32), -10.0, -10.0, 1.0)

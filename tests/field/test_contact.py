@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import minimize
 
 from swath.core.frames import Pose
-from swath.field.contact import lower_bounds, nearest, overlaps, parts_of
-from swath.field.solids import box_on_ground, merge, mesh, moved, post, stone
+from swath.field.solid.contact import lower_bounds, nearest, overlaps, parts_of
+from swath.field.solid.solids import box_on_ground, merge, mesh, moved, post, stone
 
 RNG = np.random.Generator(np.random.Philox(11))
 

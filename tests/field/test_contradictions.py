@@ -8,7 +8,7 @@ pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError
 from swath.field_io.importer import import_log
-from swath.field_io.log import read_log
+from swath.field_io.logs.log import read_log
 from tests.field.unit_logs import ACRE, FT, LB, Harvest, table
 
 

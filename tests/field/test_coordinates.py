@@ -12,11 +12,11 @@ pytest.importorskip("pyproj")
 pytest.importorskip("shapefile")
 
 from swath.core.errors import InputError
-from swath.field.projection import transform, utm_epsg
-from swath.field_io.columns import Column
-from swath.field_io.coordinates import in_degrees, numbers, place
-from swath.field_io.log import read_log
-from swath.field_io.table import read_table
+from swath.field.maps.projection import transform, utm_epsg
+from swath.field_io.logs.columns import Column
+from swath.field_io.logs.coordinates import in_degrees, numbers, place
+from swath.field_io.logs.log import read_log
+from swath.field_io.logs.table import read_table
 from tests.field.unit_logs import Harvest, shapes, table
 from tests.shared_data import DATA
 

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("rasterio")
 
 from swath.commands.main import main
-from swath.field.boundary import Region
+from swath.field.edges.boundary import Region
 from swath.field_io.folder import read
 
 

@@ -10,7 +10,7 @@ from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.field.crop_sheet import Weeds, load_crop, weed_crop
-from swath.field.edge import StraightEdge, make_edge
+from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ

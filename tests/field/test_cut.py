@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.cut_result import Cut
-from swath.field.edge import GapParams, StraightEdge, TeethParams
-from swath.field.height_bounds import update_tops
+from swath.field.cutting.cut_result import Cut
+from swath.field.edges.edge import GapParams, StraightEdge, TeethParams
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, different_pages
+from swath.field.paging.height_bounds import update_tops
 from swath.field.stand import maps, uniform
 from tests.field.made_field import CROP, library, made_field, rectangle
 

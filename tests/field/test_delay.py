@@ -7,7 +7,7 @@ pytest.importorskip("scipy")
 
 from swath.core.witness import Estimate, agreed
 from swath.field_io.delay import estimate_delays, neighbour_pairs
-from swath.field_io.log import read_log
+from swath.field_io.logs.log import read_log
 from tests.field.drawn_logs import draw
 
 

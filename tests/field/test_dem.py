@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.band import GRAIN, MOISTURE, PLAIN, STEMS
 from swath.field.field_setup import FieldSetup
-from swath.field.raster import Raster
+from swath.field.maps.band import GRAIN, MOISTURE, PLAIN, STEMS
+from swath.field.maps.raster import Raster
 from swath.field.terrain.dem import Dem, Params
 from swath.field_io.dem import against_log, read_dem
 
@@ -123,7 +123,7 @@ def test_two_units_of_height_are_told(tmp_path):
 
 
 def test_feet_of_the_places_are_taken_for_heights_without_a_unit_and_told(tmp_path):
-    from swath.field.projection import transform
+    from swath.field.maps.projection import transform
 
     grid = Raster(GRID.values, 300_000.0, 4_500_000.0, 4.0, 32618)
     east, north = transform([[300_100.0, 4_500_100.0]], "EPSG:32618", "EPSG:2271")[0]

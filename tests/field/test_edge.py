@@ -8,8 +8,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.field.boundary import Region
-from swath.field.edge import (
+from swath.field.edges.boundary import Region
+from swath.field.edges.edge import (
     CurveEdge,
     Edge,
     GapParams,
@@ -20,9 +20,9 @@ from swath.field.edge import (
     make_boundary,
     make_edge,
 )
+from swath.field.edges.track import EdgeShape, curve, polyline, shifted_left, straight
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import STANDING
-from swath.field.track import EdgeShape, curve, polyline, shifted_left, straight
 from tests.field.made_field import SETUP, made_field, rectangle
 
 WINDING = [[0.0, 0.0], [40.0, 5.0], [60.0, 40.0], [55.0, 70.0], [90.0, 90.0], [140.0, 85.0]]

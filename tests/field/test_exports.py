@@ -11,7 +11,7 @@ pytest.importorskip("shapefile")
 from swath.core.errors import InputError
 from swath.field_io import folder, trade
 from swath.field_io.importer import Settings, import_log
-from swath.field_io.log import read_log
+from swath.field_io.logs.log import read_log
 from swath.field_io.pass_scenario import write_pass_scenario
 from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
@@ -83,7 +83,7 @@ def test_a_bad_clock_costs_the_clock_not_the_rows(tmp_path):
 
 
 def test_a_time_of_day_without_a_date_goes_on_after_midnight(tmp_path):
-    from swath.field_io.clock import seconds_of
+    from swath.field_io.logs.clock import seconds_of
 
     np.testing.assert_allclose(
         np.diff(seconds_of(["23:59:58", "23:59:59", "00:00:01", "0:00:02"])), [1, 2, 1]

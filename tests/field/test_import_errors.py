@@ -19,9 +19,9 @@ pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError, SwathError
 from swath.field_io import folder
-from swath.field_io.columns import find_columns, guess
 from swath.field_io.importer import Settings, import_log, show
-from swath.field_io.log import read_log
+from swath.field_io.logs.columns import find_columns, guess
+from swath.field_io.logs.log import read_log
 from swath.field_io.outline import read_outlines
 
 

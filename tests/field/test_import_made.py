@@ -13,8 +13,8 @@ from swath.core.errors import InputError
 from swath.field_io import folder
 from swath.field_io.clean import clean
 from swath.field_io.importer import Settings, import_log, show
-from swath.field_io.log import read_log
-from swath.field_io.machines import separate_machines
+from swath.field_io.logs.log import read_log
+from swath.field_io.logs.machines import separate_machines
 
 
 def columns(path):
@@ -158,7 +158,7 @@ def test_one_machine_stays_one():
 
 
 def test_a_given_boundary_is_the_field(tmp_path):
-    from swath.field.projection import Origin
+    from swath.field.maps.projection import Origin
 
     corners = np.array([[20, 30], [140, 30], [140, 300], [20, 300], [20, 30]], float)
     ring = Origin(EPSG, EAST, NORTH).to_lon_lat(corners).tolist()
@@ -179,7 +179,7 @@ def test_a_given_boundary_is_the_field(tmp_path):
 
 
 def test_a_dem_is_taken_as_it_is(tmp_path):
-    from swath.field.raster import Raster
+    from swath.field.maps.raster import Raster
 
     y, x = np.mgrid[-60:440:2.0, -60:320:2.0]
     Raster(ground_at(x, y).astype(np.float32), EAST - 60.0, NORTH - 60.0, 2.0).to_geotiff(

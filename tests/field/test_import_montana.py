@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("rasterio")
 
-from swath.field.raster import Raster
+from swath.field.maps.raster import Raster
 from swath.field_io import folder
 from swath.field_io.importer import Settings, import_log
 from swath.field_io.passes import lateral_sd

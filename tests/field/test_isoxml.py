@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError, SwathError
-from swath.field_io.isoxml import is_taskdata, read_taskdata
-from swath.field_io.table import read_table
+from swath.field_io.logs.table import read_table
+from swath.field_io.task_data.isoxml import is_taskdata, read_taskdata
 from tests import shared_data
 from tests.field.made_taskdata import HEADER, TASKDATA, record, simple_records, write
 
@@ -239,8 +239,8 @@ def test_values_equal_the_shipped_decode(forage, shipped, ours, theirs, scale, t
 @real
 def test_units_of_the_standard_agree_with_what_the_device_declares():
     """Scaling from the table of identifiers against the device's own, through the units' definitions."""
-    from swath.field_io.taskdata import read_description
-    from swath.field_io.taskfiles import task_files
+    from swath.field_io.task_data.taskdata import read_description
+    from swath.field_io.task_data.taskfiles import task_files
 
     with task_files(DATA / "raw") as found:
         described = read_description(found)
@@ -252,7 +252,7 @@ def test_units_of_the_standard_agree_with_what_the_device_declares():
         (149, "l/h"): 1,
         (90, "t"): 1,
     }
-    from swath.field_io.ddi import DDI
+    from swath.field_io.task_data.ddi import DDI
 
     for (ddi, unit), factor in per.items():
         _, shown, scale, offset = described.values[described.owners["DET-1"], ddi]

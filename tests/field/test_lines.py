@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.projection import origin_at
+from swath.field.maps.projection import origin_at
 from swath.runtime.assembly import read_line
 
 ORIGIN = origin_at(52.3, 10.4)

@@ -13,9 +13,9 @@ pytest.importorskip("shapefile")
 
 from swath.core.errors import InputError
 from swath.field_io.clean import clean
-from swath.field_io.columns import guess
 from swath.field_io.importer import import_log
-from swath.field_io.log import read_log
+from swath.field_io.logs.columns import guess
+from swath.field_io.logs.log import read_log
 from tests.field import made_exports
 from tests.field.unit_logs import (
     ACRE,

@@ -10,7 +10,7 @@ import pytest
 from swath.core.errors import InputError, MissingExtra
 from swath.core.random import Stream
 from swath.field.crop_sheet import load_crop
-from swath.field.edge import StraightEdge, make_edge
+from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ, Shape

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.projection import origin_at, transform
+from swath.field.maps.projection import origin_at, transform
+from swath.field_io.logs.shapefiles import read_points
 from swath.field_io.outline import read_outlines
 from swath.field_io.plan import is_outline
-from swath.field_io.shapefiles import read_points
 
 pytest.importorskip("shapefile")
 pytest.importorskip("shapely")

@@ -7,10 +7,10 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from swath.core.errors import InputError
-from swath.field.edge import CurveEdge, GapParams, StraightEdge, TeethParams, make_edge
+from swath.field.edges.edge import CurveEdge, GapParams, StraightEdge, TeethParams, make_edge
 from swath.field.field import make_field
+from swath.field.maps.raster import Raster
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING
-from swath.field.raster import Raster
 from swath.field.stand import maps, uniform
 from swath.field.terrain import dem, formula, plane
 from tests.field.made_field import CROP, SETUP, STREAM, library, made_field, rectangle

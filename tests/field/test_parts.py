@@ -6,8 +6,8 @@ import pytest
 pytest.importorskip("scipy")
 
 from swath.core.errors import InputError
-from swath.field_io.log import read_log
-from swath.field_io.parts import one_part
+from swath.field_io.logs.log import read_log
+from swath.field_io.logs.parts import one_part
 from tests.field.unit_logs import FT, Harvest, table
 
 

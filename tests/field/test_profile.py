@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.cut_result import cells_inside
-from swath.field.edge import CurveEdge, GapParams, PolylineEdge, StraightEdge, TeethParams
-from swath.field.profile import BIN, COLUMN
+from swath.field.cutting.cut_result import cells_inside
+from swath.field.edges.edge import CurveEdge, GapParams, PolylineEdge, StraightEdge, TeethParams
+from swath.field.edges.profile import BIN, COLUMN
 from swath.field.stand import maps, uniform
 from swath.field.terrain import formula
 from swath.field.wind import Wind

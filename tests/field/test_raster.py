@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swath.core.errors import InputError
-from swath.field.raster import Raster
+from swath.field.maps.raster import Raster
 
 
 def plane(ny: int = 5, nx: int = 7, cell: float = 2.0) -> Raster:

@@ -5,7 +5,7 @@ from math import floor, fsum, sqrt
 import numpy as np
 import pytest
 
-from swath.field.edge import StraightEdge, TeethParams
+from swath.field.edges.edge import StraightEdge, TeethParams
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING
 from swath.field.stand import uniform
 from tests.field.made_field import CROP, made_field, rectangle

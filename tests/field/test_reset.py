@@ -5,9 +5,9 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.pages import SLOT_POOLS
+from swath.field.paging.pages import SLOT_POOLS
 from swath.field.site_setup import Bodies
-from swath.field.solids import post
+from swath.field.solid.solids import post
 from tests.field.made_field import made_field, rectangle
 
 

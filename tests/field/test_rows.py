@@ -6,10 +6,10 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.crop_sheet import load_crop
-from swath.field.edge import CurveEdge, StraightEdge, make_edge
+from swath.field.edges.edge import CurveEdge, StraightEdge, make_edge
+from swath.field.edges.present_edge import STEP_M, crop_across, edges_of
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
-from swath.field.present_edge import STEP_M, crop_across, edges_of
 from swath.field.prototypes import make_library
 from swath.field.site_setup import SiteSetup
 from swath.field.stand import uniform

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.edge import GapParams, StraightEdge, TeethParams, code_at, code_within, make_edge
+from swath.field.edges.edge import GapParams, StraightEdge, TeethParams, code_at, code_within, make_edge
 from swath.field.memory_layout import STANDING
 from tests.field.made_field import SETUP, made_field, rectangle
 

@@ -7,9 +7,9 @@ from pydantic import TypeAdapter, ValidationError
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import BoxObstacle, Obstacle, PostObstacle, StoneObstacle
 from swath.field.site_setup import Bodies, SiteSetup
-from swath.field.solids import box_on_ground, machine_body, merge, moved, post, stone
+from swath.field.solid.obstacles import BoxObstacle, Obstacle, PostObstacle, StoneObstacle
+from swath.field.solid.solids import box_on_ground, machine_body, merge, moved, post, stone
 from swath.field.terrain import plane
 from swath.signals.setup import MachineGeometry
 from tests.field.made_field import made_field, rectangle

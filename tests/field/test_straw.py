@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.edge import StraightEdge
+from swath.field.edges.edge import StraightEdge
 from swath.field.stand import uniform
 from tests.field.made_field import CROP, made_field, rectangle
 

@@ -19,9 +19,9 @@ from swath.core.errors import InputError
 from swath.field.crop_sheet import load_crop
 from swath.field_io.grid import make_grid
 from swath.field_io.importer import import_log
-from swath.field_io.log import read_log
+from swath.field_io.logs.log import read_log
 from swath.field_io.plan import largest_part, plan_field, read_plan
-from swath.field_io.taskdata import (
+from swath.field_io.task_data.taskdata import (
     A_PLUS,
     AB,
     PATTERNS,

@@ -7,15 +7,15 @@ from pydantic import TypeAdapter, ValidationError
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.field_setup import FieldSetup
-from swath.field.raster import Raster
+from swath.field.ground.waves import N0, ROUGHNESS_CLASSES, make_random_field, make_roughness
+from swath.field.maps.raster import Raster
 from swath.field.terrain import dem, formula, plane
-from swath.field.waves import N0, ROUGHNESS_CLASSES, make_random_field, make_roughness
 from swath.kernels import start_warp
 from tests.field.made_field import SETUP, made_field
 from tests.shared_data import DATA
 
 start_warp()
-from swath.field.waves_kernel import sum_products  # noqa: E402
+from swath.field.ground.waves_kernel import sum_products  # noqa: E402
 
 
 def profile_psd(height, direction, length=8_000.0, spacing=0.125):

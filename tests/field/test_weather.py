@@ -8,7 +8,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.field.projection import origin_at
+from swath.field.maps.projection import origin_at
 from swath.field.weather import (
     Air,
     SiteWeather,

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import shapefile
 
-from swath.field.projection import Origin, transform, utm_epsg
+from swath.field.maps.projection import Origin, transform, utm_epsg
 
 FT, LB, ACRE, MPH = 0.3048, 0.45359237, 4046.8564224, 0.44704
 BUSHEL = {"wheat": 60 * LB, "maize": 56 * LB, "soy": 60 * LB}

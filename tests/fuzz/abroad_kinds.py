@@ -194,18 +194,18 @@ def _steer_log(folder: Path) -> None:
 
 
 def _read_steer_log(folder: Path) -> Any:
-    from swath.field_io.steer_log import read_steer_log
+    from swath.field_io.logs.steer_log import read_steer_log
 
     return read_steer_log(folder / "log.csv")
 
 
 def _field_state(folder: Path) -> None:
-    from swath.field.state_file import write_state
+    from swath.field.paging.state_file import write_state
 
     codes = [bytes(512 * 512), 15, None]
     import zlib
 
-    from swath.field.state_file import STRAW_BYTES
+    from swath.field.paging.state_file import STRAW_BYTES
 
     state = {
         "keys": [(0, 0), (0, 1), (1, 1)],
@@ -217,7 +217,7 @@ def _field_state(folder: Path) -> None:
 
 
 def _read_field_state(folder: Path) -> Any:
-    from swath.field.state_file import read_state
+    from swath.field.paging.state_file import read_state
 
     return read_state(folder / "after.npz", {"field.stand.crop": "wheat"})
 
@@ -235,7 +235,7 @@ def _photo(folder: Path) -> None:
 
 
 def _read_photo(folder: Path) -> Any:
-    from swath.field.projection import Origin
+    from swath.field.maps.projection import Origin
     from swath.sensing.camera.orthophoto import Orthophoto
 
     return Orthophoto("map.tif", folder, Origin(32632, 533000.0, 5304000.0))

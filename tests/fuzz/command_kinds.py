@@ -90,7 +90,7 @@ def _run_folder(*names: str) -> Callable[[Path], Any]:
 def _field_and_dem(folder: Path) -> None:
     import numpy as np
 
-    from swath.field.raster import Raster
+    from swath.field.maps.raster import Raster
     from tests.fuzz.abroad_kinds import KML
 
     (folder / "b.kml").write_text(KML)

@@ -62,7 +62,7 @@ def _packed_log(folder: Path) -> None:
 
 
 def _read_log(folder: Path) -> Any:
-    from swath.field_io.log import read_log
+    from swath.field_io.logs.log import read_log
 
     log = next(p for p in folder.iterdir() if p.name.startswith("log."))
     return read_log(log, folder / "map.yaml" if (folder / "map.yaml").is_file() else None, header_width=6.0)
@@ -77,7 +77,7 @@ def _import(folder: Path) -> Any:
 
 
 def _machine_log(folder: Path) -> Any:
-    from swath.field_io.machine_log import read_machine_log
+    from swath.field_io.logs.machine_log import read_machine_log
 
     return read_machine_log(folder / "log.csv")
 
@@ -112,7 +112,7 @@ def _task_data(folder: Path) -> None:
 
 
 def _read_task_data(folder: Path) -> Any:
-    from swath.field_io.table import read_table
+    from swath.field_io.logs.table import read_table
 
     return [read_table(folder).numbers("lat_deg")]
 
@@ -155,7 +155,7 @@ def _outline_shapefile(folder: Path) -> None:
 
 
 def _lines(folder: Path) -> Any:
-    from swath.field.edge import read_lines
+    from swath.field.edges.edge import read_lines
 
     class Setup:
         to_local = staticmethod(lambda points: np.asarray(points, dtype=float) * 1000.0)
@@ -164,7 +164,7 @@ def _lines(folder: Path) -> Any:
 
 
 def _raster() -> Any:
-    from swath.field.raster import Raster
+    from swath.field.maps.raster import Raster
 
     values = np.arange(30 * 40, dtype=np.float32).reshape(30, 40) / 40.0
     return Raster(values, -200.0, -150.0, 10.0, 32612)
@@ -175,7 +175,7 @@ def _geotiff(folder: Path) -> None:
 
 
 def _read_geotiff(folder: Path) -> Any:
-    from swath.field.raster import Raster
+    from swath.field.maps.raster import Raster
     from swath.field.terrain.dem import Dem
     from swath.field_io.dem import read_dem
 
@@ -185,7 +185,7 @@ def _read_geotiff(folder: Path) -> Any:
 
 
 def _field_folder(folder: Path) -> None:
-    from swath.field.projection import Origin
+    from swath.field.maps.projection import Origin
     from swath.field_io.folder import FieldFolder, write
     from swath.field_io.passes import Track, straight_windows
 
@@ -444,7 +444,7 @@ COLUMN_MAP = "lat: {column: lat, unit: deg}\nlon: lon\nyield: {column: flow, uni
 
 
 def _read_map(folder: Path) -> Any:
-    from swath.field_io.columns import read_map
+    from swath.field_io.logs.columns import read_map
 
     return read_map(folder / "map.yaml", ["lat", "lon", "flow"])
 

@@ -18,14 +18,14 @@ WRITERS = {
 OF_SHUTIL = {"copy", "move"}
 NAMED = {"open", "ZipFile", "save", "write", "write_table"}  # where what they get is a path
 OWN_WRITES = {
-    "core/whole_file.py": {"NamedFile"},
+    "core/files/whole_file.py": {"NamedFile"},
     "kernels.py": {"open"},  # os.devnull
     "link/device/wires.py": {"symlink_to"},  # to a terminal, at a place that the user named
     "commands/new.py": {"copytree"},  # of the examples, to a name that is free
 }
 STARTERS = {"Popen", "Process", "ProcessPoolExecutor", "Pool", "get_context", "popen", "fork", "LocalCluster"}
-OWN_STARTS = {  # each through `core/processes.py`
-    "core/processes.py": {"Popen"},
+OWN_STARTS = {  # each through `core/process/processes.py`
+    "core/process/processes.py": {"Popen"},
     "runtime/workers.py": {"get_context", "Process"},
     "tools/function_test/cluster.py": {"LocalCluster"},
     "tools/function_test/plan.py": {"run"},  # git, which is no Python
@@ -110,7 +110,7 @@ def _writes(owner, name, node, streams):
 
 
 def test_no_writer_takes_a_path(calls):
-    """What is written goes into what `core/whole_file.py` opened, or into memory."""
+    """What is written goes into what `core/files/whole_file.py` opened, or into memory."""
     found = {}
     for file, owner, name, node, streams in calls:
         if _writes(owner, name, node, streams):
@@ -130,10 +130,10 @@ def test_processes_are_started_in_one_place(calls):
     assert found == OWN_STARTS
 
 
-OWN_READS = {  # parts of swath itself, and what it wrote in the same command; all else of `core/read_file.py`
+OWN_READS = {  # parts of swath itself, and what it wrote in the same command; all else: `read_file.py`
     "api.py", "commands/docs.py", "commands/main.py", "commands/new.py", "commands/scenarios.py",
-    "commands/sheets.py", "core/read_file.py", "documents/packed.py", "field/cut_kernel.py",
-    "field/recount_kernel.py",
+    "commands/sheets.py", "core/files/read_file.py", "documents/packed.py", "field/cutting/cut_kernel.py",
+    "field/cutting/recount_kernel.py",
     "fleet/command.py", "fleet/ground_kernel.py", "judge/summary.py", "kernels.py", "link/fmi/export.py",
     "link/fmi/export_slave.py", "rays/packets/kernel.py", "rays/sight_kernel.py", "rays/single/kernel.py",
     "replay/writer.py", "report/html.py", "sensing/native/kernel.py", "sensing/native/normals_kernel.py",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from swath.core.shell import command
+from swath.core.process.shell import command
 
 SOURCES = Path(__file__).parents[2] / "src" / "swath"
 BEGUN = re.compile(

@@ -6,7 +6,7 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field.site_setup import Bodies
-from swath.field.solids import machine_body, post, stone
+from swath.field.solid.solids import machine_body, post, stone
 from swath.judge.evaluator import EvaluatorSetup
 from swath.judge.evaluators.contact import LEVEL
 from swath.record.message_factory import RecordedMachine

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.field.track import EdgeShape, polyline
+from swath.field.edges.track import EdgeShape, polyline
 from swath.signals import CropFlow, MachineState
 from tests.evaluated import evaluation_of
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, machine

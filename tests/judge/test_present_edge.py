@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.field.edge_defects import Gap
-from swath.field.present_edge import STEP_M, edges_of
+from swath.field.edges.edge_defects import Gap
+from swath.field.edges.present_edge import STEP_M, edges_of
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.signals import CropEdge, MachineState
 from tests.evaluated import evaluation_of

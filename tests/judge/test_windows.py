@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.field.edge_defects import Gap
+from swath.field.edges.edge_defects import Gap
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
 from swath.signals import CropEdge, MachineState, SteerCommand

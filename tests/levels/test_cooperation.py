@@ -72,7 +72,7 @@ def test_first_grain_over_the_rim(level, limit):
 
 
 def heap_body():
-    from swath.field.solids import trailer_body
+    from swath.field.solid.solids import trailer_body
 
     return trailer_body(CART.hitch, 3.6, BOX)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.field.edge import StraightEdge, make_edge
+from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
-from swath.field.raster import Raster
+from swath.field.maps.raster import Raster
 from swath.field.stand import uniform
 from swath.field.stand.bands import Band
 from swath.field.terrain import plane

@@ -9,12 +9,12 @@ import pytest
 from swath.control.objects import joined, radar
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.field.maps.projection import Origin
+from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Organ
-from swath.field.obstacles import BoxObstacle, PostObstacle, SheetObstacle, things_of
-from swath.field.projection import Origin
-from swath.field.raster import Raster
 from swath.field.site_setup import SiteSetup
-from swath.field.solids import merge
+from swath.field.solid.obstacles import BoxObstacle, PostObstacle, SheetObstacle, things_of
+from swath.field.solid.solids import merge
 from swath.field.stand import maps
 from swath.sensing.field_map.places import true_grain
 from swath.sensing.gnss.antenna import Place as Antenna

@@ -14,7 +14,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import allow_code
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.field.projection import origin_at
+from swath.field.maps.projection import origin_at
 from swath.link.device import cola, lms, nmea, pgn, velodyne
 from swath.link.levels import agopengps
 from swath.link.levels.device import DRIFT, DeviceClock, DeviceSlot, Params

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import allow_code
-from swath.field.projection import origin_at
+from swath.field.maps.projection import origin_at
 from swath.link.device import nmea
 from swath.link.device.output import convergence
 from swath.signals import Fix

@@ -7,8 +7,8 @@ import signal
 import numpy as np
 import pytest
 
+from swath.core.process.stopping import raise_if_lost
 from swath.core.schedule import NS
-from swath.core.stopping import raise_if_lost
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_job
 from swath.runtime.loop import drive

@@ -212,7 +212,7 @@ def test_the_plane_agrees_with_proj():
 
 def test_the_metres_of_a_field_folder(bags, tmp_path):
     pytest.importorskip("pyproj")
-    from swath.field.projection import transform, utm_epsg
+    from swath.field.maps.projection import transform, utm_epsg
 
     epsg = utm_epsg(PLANE.lon, PLANE.lat)
     corner = transform([[PLANE.lon, PLANE.lat]], "EPSG:4326", f"EPSG:{epsg}")[0]

@@ -8,8 +8,8 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.field.cut_result import Cut
-from swath.field.footprint import Footprint
+from swath.field.cutting.cut_result import Cut
+from swath.field.ground.footprint import Footprint
 from swath.field.moisture import Moisture
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine

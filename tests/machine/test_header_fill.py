@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swath.field.cut_result import Cut
+from swath.field.cutting.cut_result import Cut
 from swath.machine.header.fixed_height import FixedHeightHeader, Params
 from swath.machine.header.height_control import HeightControlHeader
 from swath.machine.header.height_control import Params as HeightParams

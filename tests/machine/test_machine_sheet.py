@@ -4,7 +4,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet, sheet_names
-from swath.field.solids import machine_body, solid_count
+from swath.field.solid.solids import machine_body, solid_count
 from swath.machine.machine_sheet import MachineSheet, dynamics_of, load_machine
 from swath.signals.setup import MachineGeometry
 from tests.changed_sheets import changed_sheet

@@ -9,7 +9,7 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.field.site_setup import Bodies
-from swath.field.solids import trailer_body
+from swath.field.solid.solids import trailer_body
 from swath.machine.heap import height_map
 from swath.machine.heap.open_box import Params
 from swath.machine.machine_sheet import load_machine

@@ -25,8 +25,8 @@ import numpy as np
 
 import swath
 from swath.api import load_scenario
-from swath.core.collector import collected_rarely
 from swath.core.errors import SwathError
+from swath.core.process.collector import collected_rarely
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job, run_unrecorded
 from swath.runtime.saves import Saves, saves_in

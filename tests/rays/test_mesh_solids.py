@@ -10,8 +10,8 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.memory_layout import Organ
 from swath.field.mesh_file import read_mesh
-from swath.field.obstacles import MeshObstacle, Obstacle
-from swath.field.solids import box_on_ground, merge, mesh, moved, solid_count
+from swath.field.solid.obstacles import MeshObstacle, Obstacle
+from swath.field.solid.solids import box_on_ground, merge, mesh, moved, solid_count
 from swath.rays.engine import RayCaster
 from tests.obstacle_solids import solids_of
 from tests.rays.hand_field import HandField, make_pages, small_library

@@ -7,10 +7,10 @@ from swath import api
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.documents.j1939 import dbc_file
-from swath.field_io.channels import FRAGMENT, open_channels, si_unit
-from swath.field_io.log import read_log
-from swath.field_io.machine_log import read_machine_log
-from swath.field_io.steer_log import read_steer_log
+from swath.field_io.logs.channels import FRAGMENT, open_channels, si_unit
+from swath.field_io.logs.log import read_log
+from swath.field_io.logs.machine_log import read_machine_log
+from swath.field_io.logs.steer_log import read_steer_log
 from swath.record.read.files import open_log
 from swath.tools.run_log.write import recorded
 from tests.field.made_log import COLUMNS, MadeLog

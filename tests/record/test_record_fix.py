@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.errors import InputError
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
 from swath.runtime.job import run_job

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.frames import Pose
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.record.read.fields import Context
 from swath.record.read.messages import maker_for
 from swath.record.recorder import Recorder

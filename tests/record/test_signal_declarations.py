@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.signal import signal_types
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.record.formats import RECORDING, TRACKS, check_format
 from swath.record.mcap_file import McapFile
 from swath.record.read.files import open_log

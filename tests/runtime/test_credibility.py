@@ -30,7 +30,7 @@ from swath.runtime.met import QUANTITIES
 from swath.scenario.scenario import load_scenario
 from swath.signals import MachineState
 from swath.terminal.outcome import result_of
-from swath.tools.function_test.judged import UNJUDGED, beyond, verdict_of
+from swath.tools.function_test.judging.judged import UNJUDGED, beyond, verdict_of
 
 CHEAP = "combine.lidar.level=empirical"
 SLOPE = "field.terrain={{level: plane, slope_percent: {}, slope_azimuth_deg: {}}}"

@@ -9,7 +9,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.field.field import Field
-from swath.field.state_file import read_state, write_state
+from swath.field.paging.state_file import read_state, write_state
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
 from swath.runtime.field_state import about

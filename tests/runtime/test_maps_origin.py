@@ -7,7 +7,7 @@ pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.field.raster import Raster
+from swath.field.maps.raster import Raster
 from swath.runtime.field_setup import build_field
 from swath.scenario.scenario import parse_scenario
 

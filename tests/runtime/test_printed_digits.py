@@ -2,13 +2,13 @@
 
 import pytest
 
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.judge.catalogue import load_evaluators
 from swath.runtime.job import run_unrecorded
 from swath.scenario.scenario import load_scenario
 from swath.terminal.outcome import _rows
 from swath.terminal.tables import result
-from swath.tools.function_test.verdict import lower_bound
+from swath.tools.function_test.judging.verdict import lower_bound
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_figures_of_the_page_on_verdicts(passed, count, percent):
 def test_the_grid_of_the_map_is_told():
     """Osnabrueck: 0.95 deg west of the zone's meridian, sin(52.28 deg) of it."""
     pytest.importorskip("pyproj", reason="needs the extra `geo`")
-    from swath.field.projection import origin_at
+    from swath.field.maps.projection import origin_at
 
     grid = origin_at(52.28, 8.05).grid()
     assert grid["epsg"] == 32632

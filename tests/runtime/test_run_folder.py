@@ -13,9 +13,9 @@ import pytest
 from swath import __version__
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.core.output_folder import LOCK
-from swath.core.stopping import Terminated, stoppable, unstopped
-from swath.core.whole_file import NamedFile, write_whole
+from swath.core.files.output_folder import LOCK
+from swath.core.files.whole_file import NamedFile, write_whole
+from swath.core.process.stopping import Terminated, stoppable, unstopped
 from swath.record import mcap_file
 from swath.record.mcap_file import McapFile
 from swath.report.report import ReportWriter

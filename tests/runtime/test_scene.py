@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.field.obstacles import Path, SheetObstacle, things_of
-from swath.field.track import Way
+from swath.field.edges.track import Way
+from swath.field.solid.obstacles import Path, SheetObstacle, things_of
 from swath.record.digest import Digest
 from swath.replay.things import things_of as drawn
 from swath.runtime.assembly import assemble
@@ -52,8 +52,8 @@ def test_a_way_there_and_back():
 
 @pytest.mark.parametrize("kind", ["person", "animal", "vehicle", "tree", "hedge", "building"])
 def test_the_body_of_a_sheet_has_the_size_of_the_sheet(kind):
-    from swath.field.contact import bounds, parts_of
-    from swath.field.obstacles import load_obstacle
+    from swath.field.solid.contact import bounds, parts_of
+    from swath.field.solid.obstacles import load_obstacle
 
     sheet = load_obstacle(kind)
     size = np.array([sheet.length, sheet.width, sheet.height])

@@ -9,12 +9,12 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.field.maps.projection import Origin
+from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Organ, Solids
-from swath.field.obstacles import SheetObstacle, things_of
-from swath.field.projection import Origin
-from swath.field.raster import Raster
 from swath.field.site_setup import Bodies, SiteSetup
-from swath.field.solids import mesh
+from swath.field.solid.obstacles import SheetObstacle, things_of
+from swath.field.solid.solids import mesh
 from swath.field.stand import maps
 from swath.sensing.camera import depth, error, rays
 from swath.sensing.camera.error import sunlight

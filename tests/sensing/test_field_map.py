@@ -8,8 +8,8 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.field.projection import Origin
-from swath.field.raster import Raster
+from swath.field.maps.projection import Origin
+from swath.field.maps.raster import Raster
 from swath.field.site_setup import SiteSetup
 from swath.field.stand import maps
 from swath.sensing.field_map.error import ErrorMap

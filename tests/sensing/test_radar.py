@@ -9,8 +9,8 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.field.obstacles import BoxObstacle, Path, PostObstacle, SheetObstacle, things_of
 from swath.field.site_setup import SiteSetup
+from swath.field.solid.obstacles import BoxObstacle, Path, PostObstacle, SheetObstacle, things_of
 from swath.field.stand import maps, uniform
 from swath.rays.engine import RayCaster
 from swath.sensing.mount import Mount

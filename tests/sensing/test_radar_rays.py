@@ -7,8 +7,8 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.field.obstacles import PostObstacle, SheetObstacle
-from swath.field.solids import box_on_ground, mesh, post, stone
+from swath.field.solid.obstacles import PostObstacle, SheetObstacle
+from swath.field.solid.solids import box_on_ground, mesh, post, stone
 from swath.field.stand import uniform
 from swath.sensing.mount import Mount
 from swath.sensing.radar import error, rays

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.field.solids import post
+from swath.field.solid.solids import post
 from swath.rays.height_grid import EVEN, load_height_grid
 from swath.rays.heights import MEASURED, NOTHING, SOLID, UNMEASURED, HeightCaster
 from swath.record.digest import Digest

@@ -8,9 +8,9 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.field.obstacles import SheetObstacle, things_of
 from swath.field.site_setup import Bodies
-from swath.field.solids import box_on_ground
+from swath.field.solid.obstacles import SheetObstacle, things_of
+from swath.field.solid.solids import box_on_ground
 from swath.sensing.gnss.antenna import Place
 from swath.sensing.gnss.error import PRESETS, ErrorGnss, Loss
 from swath.sensing.gnss.error import Params as ErrorParams

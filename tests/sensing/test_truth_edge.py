@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.field.edge import CurveEdge, GapParams, StraightEdge
-from swath.field.present_edge import STEP_M, crop_across, edges_of
+from swath.field.edges.edge import CurveEdge, GapParams, StraightEdge
+from swath.field.edges.present_edge import STEP_M, crop_across, edges_of
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import load_machine
 from swath.sensing.edge.truth import Params, TruthEdge

@@ -7,7 +7,7 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.field_io.machine_log import read_machine_log
+from swath.field_io.logs.machine_log import read_machine_log
 from swath.machine.machine_sheet import open_machine, read_machine
 from swath.tools.calibrate.engine_fit import KEYS, fit_engine, r2_range
 from swath.tools.compare_log.compare import Drive, run_engine, run_process

@@ -5,7 +5,7 @@ import pytest
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.frames import Pose
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.signals import Scan, ScanTruth, beam_directions
 from swath.tools.scan import point_cloud as module
 from swath.tools.scan.point_cloud import make_cloud, write_las, write_ply

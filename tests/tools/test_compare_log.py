@@ -13,7 +13,7 @@ from benchmarks.engine_logs import CHOPPED, by_load, steady_speed
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.units import RPM
-from swath.field_io.machine_log import read_machine_log
+from swath.field_io.logs.machine_log import read_machine_log
 from swath.machine.machine_sheet import load_machine, open_machine, read_machine
 from swath.machine.powertrain.power_balance import full_torque, governed_torque
 from swath.tools.compare_log.compare import (

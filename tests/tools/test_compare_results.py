@@ -9,7 +9,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.function_test.compare import METRICS, SAME_BYTES, WORSE, Comparison, compare
 from swath.tools.function_test.journal import write_table
-from swath.tools.function_test.paired import difference, holm, verdict_test
+from swath.tools.function_test.judging.paired import difference, holm, verdict_test
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import begin
 

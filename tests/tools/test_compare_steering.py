@@ -9,7 +9,7 @@ pytest.importorskip("scipy")
 
 from swath.commands.main import main
 from swath.core.units import DEG
-from swath.field_io.steer_log import read_steer_log
+from swath.field_io.logs.steer_log import read_steer_log
 from swath.machine.machine_sheet import open_machine, read_machine
 from swath.tools.compare_log.steering_fit import compare_steering, run_motion, run_steering
 

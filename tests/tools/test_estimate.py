@@ -16,11 +16,19 @@ from scipy.stats import binom
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.function_test.case import Varied
-from swath.tools.function_test.estimate import Estimate, distribution_of, run_estimate
+from swath.tools.function_test.estimate.estimate import Estimate, distribution_of, run_estimate
+from swath.tools.function_test.estimate.rare import (
+    Hunt,
+    effective,
+    exposure,
+    fit,
+    log_exposure,
+    rate_of,
+    tempered,
+)
 from swath.tools.function_test.journal import Journal, read_journals
-from swath.tools.function_test.judged import UNJUDGED
+from swath.tools.function_test.judging.judged import UNJUDGED
 from swath.tools.function_test.one_run import no_result
-from swath.tools.function_test.rare import Hunt, effective, exposure, fit, log_exposure, rate_of, tempered
 
 CASE = """
 format: swath test case 1

@@ -16,16 +16,16 @@ from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import find_cases, read_case
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.journal import Journal, finished, results_of, write_table
-from swath.tools.function_test.judged import PresentLimits
+from swath.tools.function_test.judging.judged import PresentLimits
+from swath.tools.function_test.judging.margin import margin
+from swath.tools.function_test.judging.ranking import HEAD, Measured, by_tag, ranking
+from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
 from swath.tools.function_test.junit import write_junit
-from swath.tools.function_test.margin import margin
 from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.plan import Plan, plan_of
 from swath.tools.function_test.pool import run_all
-from swath.tools.function_test.ranking import HEAD, Measured, by_tag, ranking
 from swath.tools.function_test.session import begin, open_session
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
 from tests.tools.fake_work import fake_works
 
 pytestmark = pytest.mark.usefixtures("code_allowed")

@@ -9,7 +9,13 @@ import pytest
 from swath.judge.evaluators.edge_detection import WRONG_M, EdgeSeries
 from swath.report.html import escaped
 from swath.tools.function_test.charts import SIDE, boundary, stanford
-from swath.tools.function_test.integrity import BIN_COUNT, BIN_M, episodes_per_km, integrity_of, pooled
+from swath.tools.function_test.judging.integrity import (
+    BIN_COUNT,
+    BIN_M,
+    episodes_per_km,
+    integrity_of,
+    pooled,
+)
 
 COUNT = 1000
 

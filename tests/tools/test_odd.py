@@ -35,6 +35,7 @@ from tests.tools.odd_files import (
 
 pytest.importorskip("openodd", reason="needs the extra odd")
 
+from swath.tools.function_test.judging.verdict import BROKEN, SHOWN
 from swath.tools.function_test.odd.binding import find_odd, read_odd
 from swath.tools.function_test.odd.causes import AS_THE_REST, explained
 from swath.tools.function_test.odd.cells import (
@@ -50,7 +51,6 @@ from swath.tools.function_test.odd.dossier import _lidar_levels, _runs_of, summa
 from swath.tools.function_test.odd.openodd import attributes_of
 from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
 from swath.tools.function_test.one_run import scenario_of
-from swath.tools.function_test.verdict import BROKEN, SHOWN
 
 CLAIM = Claim(pass_rate=0.8, confidence=0.95)
 

@@ -11,10 +11,10 @@ from scipy.integrate import quad
 
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.tools.function_test.boundary import Boundary, first_points, next_points, sobol_points
-from swath.tools.function_test.gaussian_process import fit, matern
 from swath.tools.function_test.journal import Journal, read_journals
-from swath.tools.function_test.search import Search, open_search, run_search
+from swath.tools.function_test.search.boundary import Boundary, first_points, next_points, sobol_points
+from swath.tools.function_test.search.gaussian_process import fit, matern
+from swath.tools.function_test.search.search import Search, open_search, run_search
 from swath.tools.function_test.session import open_session
 from tests.tools.fake_work import analytic_value, analytic_work
 

@@ -13,7 +13,7 @@ from swath.record.read.files import open_log
 from swath.record.tracks import read_tracks
 from swath.runtime.job import run_job
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.judged import in_shadow
+from swath.tools.function_test.judging.judged import in_shadow
 from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import begin, open_session

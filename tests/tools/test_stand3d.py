@@ -16,8 +16,8 @@ AT = 5.0 * np.cos(0.4), 5.0 * np.sin(0.4)  # a place on the edge
 def ground():
     from swath.core.random import Stream
     from swath.field.crop_sheet import load_crop
-    from swath.field.edge import EdgeShape, straight
-    from swath.field.edge_defects import BrokenEdge
+    from swath.field.edges.edge import EdgeShape, straight
+    from swath.field.edges.edge_defects import BrokenEdge
     from swath.field.field import make_field
     from swath.field.field_setup import FieldSetup
     from swath.field.stand.uniform import LEVEL as STAND

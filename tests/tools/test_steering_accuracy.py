@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from swath.tools.function_test.steering_accuracy import accuracy, classes_of, pooled
+from swath.tools.function_test.judging.steering_accuracy import accuracy, classes_of, pooled
 
 
 def judged(error, settling=0.0):

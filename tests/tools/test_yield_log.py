@@ -15,7 +15,7 @@ pytest.importorskip("pyproj")
 from swath import load_scenario
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.field_io.log import read_log
+from swath.field_io.logs.log import read_log
 from swath.record.tracks import read_tracks
 from swath.runtime.job import run_job
 from swath.tools.yield_log.records import records_of

@@ -19,7 +19,7 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.registry import Level
-from swath.field_io.table import Table
+from swath.field_io.logs.table import Table
 from swath.judge.evaluator import Metric
 from swath.signals import GroundSpeed, MachineState
 

@@ -156,7 +156,7 @@ PROFILE = """<?xml version="1.0" encoding="UTF-8" ?>
 """
 PROBE = """
 import json, multiprocessing, os, sys
-from swath.core.processes import forget_safe_path, safe_path, start_module
+from swath.core.process.processes import forget_safe_path, safe_path, start_module
 
 def told(pipe):
     forget_safe_path()

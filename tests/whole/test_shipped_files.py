@@ -10,7 +10,7 @@ import swath
 from swath.documents.data_sheets import KINDS, sheet_names
 from swath.documents.yaml_document import read_document
 from swath.field.crop_sheet import load_crop
-from swath.field.obstacles import load_obstacle
+from swath.field.solid.obstacles import load_obstacle
 from swath.machine.machine_sheet import load_machine
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario, scenario_names

@@ -11,13 +11,13 @@ from contextlib import ExitStack, suppress
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.core.collector import collect_rarely
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
+from swath.core.files.temporary import sweep
 from swath.core.foreign_code import allow_code, code_in, texts_in
-from swath.core.processes import skip_folder_settings
+from swath.core.process.collector import collect_rarely
+from swath.core.process.processes import skip_folder_settings
+from swath.core.process.stopping import Terminated, raise_if_lost, stoppable
 from swath.core.registry import OWN, installed, installed_part, user_line
-from swath.core.stopping import Terminated, raise_if_lost, stoppable
-from swath.core.temporary import sweep
 from swath.link.ros2.middleware import networked
 from swath.terminal.options import option
 

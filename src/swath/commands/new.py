@@ -91,8 +91,8 @@ def run(args: argparse.Namespace) -> int:
     import shutil
 
     from swath.core.errors import InputError
-    from swath.core.shell import command
-    from swath.core.whole_file import write_whole
+    from swath.core.files.whole_file import write_whole
+    from swath.core.process.shell import command
 
     template = TEMPLATES.get(args.kind)
     usual = "examples" if template is None else template.source

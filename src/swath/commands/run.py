@@ -79,7 +79,7 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Exit code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or judged."""
     from swath.core.errors import InputError, SwathError
-    from swath.core.shell import command
+    from swath.core.process.shell import command
     from swath.runtime.folder import choose_run_folder, remove_empty
 
     if args.paused and not (args.ros2 or args.view):

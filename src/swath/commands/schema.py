@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
 
 def write_schema(path: Path, of: str = "scenario") -> None:
     """Write the JSON Schema of scenario files, or of job files."""
-    from swath.core.whole_file import write_whole
+    from swath.core.files.whole_file import write_whole
 
     write_whole(path, schema_text(of))
 

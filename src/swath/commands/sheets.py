@@ -69,7 +69,7 @@ def _check(file: str) -> int:
     from swath.documents.data_sheets import read_sheet
     from swath.documents.yaml_document import read_document
     from swath.field.crop_sheet import load_crop
-    from swath.field.obstacles import load_obstacle
+    from swath.field.solid.obstacles import load_obstacle
     from swath.machine.machine_sheet import load_machine
     from swath.sensing.camera.camera_sheet import load_camera
     from swath.sensing.ground_speed.radar import load_ground_radar

@@ -6,7 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from swath.core.read_file import open_to_read
+from swath.core.files.read_file import open_to_read
 
 
 def with_contents(node: Any) -> Any:

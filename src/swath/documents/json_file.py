@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.documents.packed import MIB, readable
 from swath.documents.text_file import read_text
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.read_file import check_readable
+from swath.core.files.read_file import check_readable
 from swath.documents.packed import readable
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, SwathError
-from swath.core.read_file import check_readable, open_to_read
+from swath.core.files.read_file import check_readable, open_to_read
 
 MIB = 1 << 20
 FLOOR_BYTES = 16 * MIB  # what a file of any size may unpack to

@@ -5,7 +5,7 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from swath.core.errors import InputError
-from swath.core.read_file import open_to_read
+from swath.core.files.read_file import open_to_read
 from swath.documents.packed import MIB
 
 MAX_BYTES = 64 * MIB

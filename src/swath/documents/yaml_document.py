@@ -21,7 +21,7 @@ from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.representer import SafeRepresenter
 
 from swath.core.errors import InputError
-from swath.core.read_file import open_to_read
+from swath.core.files.read_file import open_to_read
 
 KeyPath = tuple[str | int, ...]
 MAX_BYTES = 1 << 20

@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 from swath.core.abilities import HasNotes
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.field.boundary import Region
 from swath.field.crop import Crop
 from swath.field.crop_sheet import weed_crop
-from swath.field.cut_field import Cutter
-from swath.field.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
-from swath.field.edge import Edges, check_edges, named_edges
-from swath.field.edge_defects import BrokenEdge, Gap
+from swath.field.cutting.cut_field import Cutter
+from swath.field.cutting.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
+from swath.field.cutting.recount import recount_pages
+from swath.field.edges.boundary import Region
+from swath.field.edges.edge import Edges, check_edges, named_edges
+from swath.field.edges.edge_defects import BrokenEdge, Gap
+from swath.field.edges.profile import Profile, refused
+from swath.field.edges.rows import moved_edges, rows_of
+from swath.field.edges.track import EdgeShape
 from swath.field.field_setup import HasExtent, Stand, Terrain
-from swath.field.footprint import Block, Footprint
 from swath.field.grain import GrainPiles
-from swath.field.height_bounds import update_tops
+from swath.field.ground.footprint import Block, Footprint
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.moisture import Moisture
-from swath.field.pages import KeptPages, PageStore
-from swath.field.profile import Profile, refused
-from swath.field.recount import recount_pages
-from swath.field.rows import moved_edges, rows_of
-from swath.field.stored_changes import Change, Key
+from swath.field.paging.height_bounds import update_tops
+from swath.field.paging.pages import KeptPages, PageStore
+from swath.field.paging.stored_changes import Change, Key
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
-from swath.field.track import EdgeShape
 from swath.field.weather import SiteWeather
 from swath.field.wind import Sway, make_sway
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
+from swath.core.files.read_file import check_readable
 from swath.core.portable import product
-from swath.core.read_file import check_readable
 from swath.core.units import CM, MM
 from swath.documents.packed import readable
 from swath.documents.text_file import read_bytes

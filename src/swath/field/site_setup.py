@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.portable import product
-from swath.field.contact import Parts, bounds, joined, nearest, overlaps, parts_of
-from swath.field.convex import Vector
+from swath.field.edges.track import EdgeShape
 from swath.field.field import Field
 from swath.field.grain import GrainBox, GrainReceiver
+from swath.field.maps.projection import Origin
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import KINDS, Thing, names_of
-from swath.field.projection import Origin
-from swath.field.solids import merge, moved
-from swath.field.track import EdgeShape
+from swath.field.solid.contact import Parts, bounds, joined, nearest, overlaps, parts_of
+from swath.field.solid.convex import Vector
+from swath.field.solid.obstacles import KINDS, Thing, names_of
+from swath.field.solid.solids import merge, moved
 from swath.signals import MachineState
 from swath.signals.setup import MachineGeometry
 

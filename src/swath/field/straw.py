@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.cut_result import Corner
-from swath.field.height_bounds import update_bumps, update_bumps_within
+from swath.field.cutting.cut_result import Corner
 from swath.field.memory_layout import PAGE_NODES
-from swath.field.pages import PageStore
-from swath.field.stored_changes import Key
+from swath.field.paging.height_bounds import update_bumps, update_bumps_within
+from swath.field.paging.pages import PageStore
+from swath.field.paging.stored_changes import Key
 from swath.kernels import Row, repeatable, start_warp
 
 Array = NDArray[np.float64]

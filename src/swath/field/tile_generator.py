@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.boundary import Region
-from swath.field.edge import Edges, code_at, code_within
+from swath.field.edges.boundary import Region
+from swath.field.edges.edge import Edges, code_at, code_within
 from swath.field.field_setup import Stand, Terrain
 from swath.field.hashing import hash_cells
 from swath.field.memory_layout import (
@@ -19,8 +19,8 @@ from swath.field.memory_layout import (
     STANDING,
     PlantLibrary,
 )
-from swath.field.pages import TILE_CELLS, Codes, PageData
-from swath.field.stored_changes import Key
+from swath.field.paging.pages import TILE_CELLS, Codes, PageData
+from swath.field.paging.stored_changes import Key
 
 Array = NDArray[np.float64]
 NODES_PER_TILE = PAGE_NODES // PAGE_TILES

@@ -32,7 +32,7 @@ from swath.core.units import DEG, PERCENT
 from swath.documents.number_table import read_numbers
 from swath.documents.validation import adapter_of
 from swath.field.field_setup import from_azimuth
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 
 RainLaw = Literal["drops", "goodin"]
 LEFT_AT_MOR = 0.05  # of a beam after the meteorological optical range (WMO-No. 8)

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.output_folder import held
-from swath.core.whole_file import write_whole
+from swath.core.files.output_folder import held
+from swath.core.files.whole_file import write_whole
 from swath.documents.text_file import read_text
 from swath.field_io.folder import FieldFolder
 from swath.field_io.passes import STRAIGHT_TOLERANCE
-from swath.field_io.taskdata import AB, CURVE, POINT_A, POINT_B, Part, Pattern, Polygon
+from swath.field_io.task_data.taskdata import AB, CURVE, POINT_A, POINT_B, Part, Pattern, Polygon
 
 Array = NDArray[np.float64]
 FIELD, BOUNDARY, HEADLAND, TRACKS = "Field.txt", "Boundary.txt", "Headland.txt", "TrackLines.txt"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field_io.delay import Delay, estimate_delays, shifted_flow
-from swath.field_io.log import Log
+from swath.field_io.logs.log import Log
 
 Array = NDArray[np.float64]
 STANDING_SPEED = 0.3  # m/s

@@ -53,9 +53,9 @@ def add(parsers: Any) -> Any:
 def run_import(args: argparse.Namespace) -> int:
     """Make the folder and say what came out."""
     from swath.core.errors import InputError
-    from swath.core.shell import command
-    from swath.field_io.columns import TOLD, told_rows
+    from swath.core.process.shell import command
     from swath.field_io.importer import Settings, import_log
+    from swath.field_io.logs.columns import TOLD, told_rows
     from swath.field_io.pass_case import write_pass_case
     from swath.field_io.pass_scenario import write_pass_scenario
     from swath.terminal.tables import table, wide_console

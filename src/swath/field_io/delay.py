@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import Extra
 from swath.core.witness import Estimate, agreed
-from swath.field_io.log import Log
+from swath.field_io.logs.log import Log
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

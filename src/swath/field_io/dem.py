@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
 from swath.core.witness import Pair, judge, ratio
-from swath.field.band import GROUND, check_ground, horizontal, read_band
-from swath.field.projection import transform
-from swath.field.raster import Raster, open_geotiff
+from swath.field.maps.band import GROUND, check_ground, horizontal, read_band
+from swath.field.maps.projection import transform
+from swath.field.maps.raster import Raster, open_geotiff
 from swath.field_io.heights import carry_on
-from swath.field_io.log import Log
+from swath.field_io.logs.log import Log
 
 Array = NDArray[np.float64]
 MOST_READ = 16_000_000  # cells of the file held at once: a finer one is read by means
@@ -28,7 +28,7 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     """Heights [m] of a GeoTIFF at the cells of grid (bilinear), and the share of cells it knows.
 
     Any system with a CRS will do, geographic ones too. Cells without a height carry on smoothly those around
-    them. notes of the raster: what was assumed, see `field.band.read_band`.
+    them. notes of the raster: what was assumed, see `band.read_band`.
     Raises InputError when the file is unreadable, has no CRS, covers less than LEAST_KNOWN of the grid, or
     holds what cannot be ground.
     """

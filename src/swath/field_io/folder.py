@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.output_folder import check_folder, held
-from swath.core.whole_file import PART, write_whole
+from swath.core.files.output_folder import check_folder, held
+from swath.core.files.whole_file import PART, write_whole
 from swath.documents.text_file import read_bytes
 from swath.documents.yaml_document import dump
-from swath.field.band import CROP_HEIGHT, GRAIN, GROUND, MOISTURE, STEMS
-from swath.field.projection import Origin, known_crs
-from swath.field.raster import Raster
+from swath.field.maps.band import CROP_HEIGHT, GRAIN, GROUND, MOISTURE, STEMS
+from swath.field.maps.projection import Origin, known_crs
+from swath.field.maps.raster import Raster
 from swath.field_io.folder_files import (
     FORMAT,
     VERSION,

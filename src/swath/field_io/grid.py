@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.raster import Raster
+from swath.field.maps.raster import Raster
 from swath.field_io.clean import Cleaned
 from swath.field_io.trade import STEMS
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.raster import Raster
+from swath.field.maps.raster import Raster
 from swath.field_io.clean import Cleaned
 
 Array = NDArray[np.float64]

@@ -12,29 +12,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.read_file import open_to_read
-from swath.core.whole_file import write_whole
+from swath.core.files.read_file import open_to_read
+from swath.core.files.whole_file import write_whole
 from swath.core.witness import Pair, judge, outside, ratio
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
-from swath.field.projection import Origin, transform
-from swath.field.raster import Raster
+from swath.field.maps.projection import Origin, transform
+from swath.field.maps.raster import Raster
 from swath.field_io import folder, outline
 from swath.field_io.agopengps import is_agopengps
 from swath.field_io.clean import Cleaned, clean, clean_map
-from swath.field_io.columns import FLOWS, ColumnsMissing
-from swath.field_io.coordinates import place
 from swath.field_io.dem import against_log, read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
-from swath.field_io.isoxml import is_taskdata
-from swath.field_io.log import Log, read_log
-from swath.field_io.parts import one_part
+from swath.field_io.logs.columns import FLOWS, ColumnsMissing
+from swath.field_io.logs.coordinates import place
+from swath.field_io.logs.log import Log, read_log
+from swath.field_io.logs.parts import one_part
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
 from swath.field_io.plan import is_outline, plan_field, read_plan
 from swath.field_io.report import ImportReport
+from swath.field_io.task_data.isoxml import is_taskdata
 from swath.field_io.trade import STEMS
 from swath.terminal.progress import steps
 

@@ -13,10 +13,10 @@ from swath.documents.geojson import read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import read_xml
-from swath.field.projection import known_crs, transform, utm_epsg
+from swath.field.maps.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
-from swath.field_io.coordinates import place
-from swath.field_io.shapefiles import are_records, read_rings
+from swath.field_io.logs.coordinates import place
+from swath.field_io.logs.shapefiles import are_records, read_rings
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field

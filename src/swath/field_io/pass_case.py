@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.field_io.folder import FieldFolder, read
 from swath.field_io.pass_scenario import edge_offset, speed_of, straight_stretches
 from swath.field_io.passes import Track

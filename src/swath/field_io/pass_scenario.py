@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.whole_file import write_whole
-from swath.field.boundary import Array, Region
+from swath.core.files.whole_file import write_whole
+from swath.field.edges.boundary import Array, Region
 from swath.field_io.folder import FieldFolder, read
 from swath.field_io.passes import Track
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.units import DEG, KMH
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.field_io.clean import Cleaned
 from swath.field_io.folder_files import Pass
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swath.core.whole_file import new_file
+from swath.core.files.whole_file import new_file
 
 if TYPE_CHECKING:
     from swath.field_io.folder import FieldFolder

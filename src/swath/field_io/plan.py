@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, some_of
 from swath.field.crop import Crop
-from swath.field.projection import Origin, transform, utm_epsg
-from swath.field.raster import Raster
+from swath.field.maps.projection import Origin, transform, utm_epsg
+from swath.field.maps.raster import Raster
 from swath.field_io import outline, trade
 from swath.field_io.agopengps import HEADLAND_LINE, is_agopengps, read_agopengps
-from swath.field_io.coordinates import place
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
+from swath.field_io.logs.coordinates import place
+from swath.field_io.logs.shapefiles import is_of_polygons
 from swath.field_io.outline import valid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
-from swath.field_io.shapefiles import is_of_polygons
-from swath.field_io.taskdata import (
+from swath.field_io.task_data.taskdata import (
     PATTERNS,
     PIVOT,
     SPIRAL,
@@ -35,7 +35,7 @@ from swath.field_io.taskdata import (
     pivot_radius,
     read_description,
 )
-from swath.field_io.taskfiles import task_files
+from swath.field_io.task_data.taskfiles import task_files
 
 Array = NDArray[np.float64]
 OUTLINES = ".kml", ".kmz", ".geojson", ".json"

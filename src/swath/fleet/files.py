@@ -399,8 +399,8 @@ def read_field(path: Path, header: float) -> FileField:
 
     header: width of the strip [m] that each line covers, of which a file of lines alone is the field
     """
-    from swath.field_io.isoxml import is_taskdata
     from swath.field_io.outline import read_outlines
+    from swath.field_io.task_data.isoxml import is_taskdata
 
     if not path.exists():
         raise InputError("field.file", str(path), "expected a file that is there")
@@ -417,7 +417,7 @@ def read_field(path: Path, header: float) -> FileField:
 
 def _of_taskdata(path: Path) -> FileField:
     from swath.field_io.plan import largest_part, read_plan
-    from swath.field_io.taskdata import drawn, listed
+    from swath.field_io.task_data.taskdata import drawn, listed
 
     described = read_plan(path)
     if not described.parts:
@@ -451,7 +451,7 @@ def _along(made: FileField, lines: list[Any], what: str) -> FileField:
 
 def _under(lines: list[Any], header: float) -> FileField:
     """The ground under lines in lon/lat [deg], the largest piece, gaps of less than a header closed."""
-    from swath.field.projection import origin_at
+    from swath.field.maps.projection import origin_at
     from swath.field_io.plan import in_metres
 
     middle = np.median(np.concatenate(lines), axis=0)
@@ -469,10 +469,10 @@ def _under(lines: list[Any], header: float) -> FileField:
 
 def read_log_field(path: Path) -> FileField:
     """Ground that a yield log covers, with the direction of its passes and its mean yield."""
-    from swath.field.projection import Origin
+    from swath.field.maps.projection import Origin
     from swath.field_io.clean import clean
     from swath.field_io.importer import find_log
-    from swath.field_io.log import read_log
+    from swath.field_io.logs.log import read_log
     from swath.field_io.outline import covered_ground
     from swath.field_io.passes import make_tracks, row_azimuth
 

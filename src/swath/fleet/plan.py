@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.files.whole_file import write_whole
 from swath.core.portable import arctan2, product, tan
-from swath.core.whole_file import write_whole
 from swath.documents.json_file import read_json
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here

@@ -24,7 +24,7 @@ from swath.control.turns.limits import TurnLimits
 from swath.core.errors import InputError
 from swath.field_io.clean import Cleaned, clean
 from swath.field_io.importer import find_log
-from swath.field_io.log import Log, read_log
+from swath.field_io.logs.log import Log, read_log
 
 Array = NDArray[np.float64]
 STANDING = 0.3  # m/s

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.documents.json_file import read_object, write_json
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart

@@ -11,9 +11,9 @@ from hashlib import sha256
 from pathlib import Path
 
 from swath.core.errors import InputError
+from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import file_of
 from swath.core.random import Stream
-from swath.core.whole_file import write_whole
 from swath.documents.contents import file_hash
 from swath.documents.json_file import read_object
 from swath.fleet.files import JobFile

@@ -22,9 +22,9 @@ import numpy as np
 from swath.core.ability import ByMembers
 from swath.core.blocks import Block, Seen, ShownToAll
 from swath.core.errors import SwathError
+from swath.core.files.unnamed_file import UnnamedFile
 from swath.core.packed_state import saved_type
-from swath.core.unnamed_file import UnnamedFile
-from swath.field.edge_defects import Gap
+from swath.field.edges.edge_defects import Gap
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Bodies
 from swath.record import packed_columns

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swath.field.field import Field
 from swath.field.memory_layout import Solids
-from swath.field.solids import NOTHING, solid_count
+from swath.field.solid.solids import NOTHING, solid_count
 from swath.rays.device import ThreadPool, ray_device, start_warp, thread_count
 from swath.rays.field_arrays import LiveScene
 from swath.rays.hits import CastOptions, Hits, Spots

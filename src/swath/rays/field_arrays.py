@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.field.edges.profile import refused
 from swath.field.field import Field
 from swath.field.memory_layout import (
     PAGE_TILES,
@@ -15,7 +16,6 @@ from swath.field.memory_layout import (
     primitive_rows,
     shared_rows,
 )
-from swath.field.profile import refused
 from swath.field.wind import GUST_SHARE
 from swath.kernels import member_array
 from swath.rays.geometry import make_solid_arrays

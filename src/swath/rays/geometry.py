@@ -7,8 +7,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.contact import frames_along
 from swath.field.memory_layout import SolidMesh, Solids
+from swath.field.solid.contact import frames_along
 from swath.kernels import filled
 
 BOX, CAPSULE, ELLIPSOID, MESH = 0, 1, 2, 3

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.core.whole_file import new_file
+from swath.core.files.whole_file import new_file
 from swath.documents.packed import read_arrays, readable
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ from sys import byteorder
 from typing import Any, BinaryIO, Protocol, runtime_checkable
 
 from swath.core.errors import InputError
-from swath.core.read_file import open_to_read
-from swath.core.unnamed_file import UnnamedFile
-from swath.core.whole_file import open_to_write, write_whole
+from swath.core.files.read_file import open_to_read
+from swath.core.files.unnamed_file import UnnamedFile
+from swath.core.files.whole_file import open_to_write, write_whole
 from swath.documents.packed import readable
 from swath.documents.yaml_document import dump
 from swath.record.message_factory import Draft, MessageFactory, Template

@@ -25,8 +25,8 @@ import numpy as np
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.signal import per_signal
-from swath.field.projection import Origin
-from swath.field.track import EdgeShape
+from swath.field.edges.track import EdgeShape
+from swath.field.maps.projection import Origin
 from swath.record.samples import DEFINITION, MSGTYPE
 from swath.signals import F32, F64, U8, U16, Signal
 from swath.signals.setup import MachineGeometry

@@ -19,7 +19,7 @@ import numpy as np
 
 from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.record.message_factory import EXACT, UNKNOWN, Draft, Sent, Source
 from swath.record.positioning_messages import nav_sat_fix
 from swath.signals import F64, Fix, MachineState, Odometry, SpeedCommand, SteerState

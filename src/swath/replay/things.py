@@ -10,11 +10,11 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import through
-from swath.field.contact import bounds, frames_along, parts_of
+from swath.field.edges.track import Way
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import Path, Thing
-from swath.field.obstacles import things_of as things_in
-from swath.field.track import Way
+from swath.field.solid.contact import bounds, frames_along, parts_of
+from swath.field.solid.obstacles import Path, Thing
+from swath.field.solid.obstacles import things_of as things_in
 from swath.record.charts import Columns
 from swath.runtime.changes import OBSTACLES
 from swath.runtime.world import World

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import code_unread
-from swath.core.whole_file import write_whole
 from swath.judge.summary import read_summary
 from swath.record.charts import Columns
 from swath.record.tracks import SHOWN_ROWS, EvenRows, read_tracks, track_pieces

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 
 LONG = 60  # characters of a cell that would get too narrow beside words that stay whole
 TEMPLATES = Path(__file__).parent / "templates"

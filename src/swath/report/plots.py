@@ -15,8 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.collector import give_back
-from swath.core.whole_file import new_file
+from swath.core.files.whole_file import new_file
+from swath.core.process.collector import give_back
 from swath.judge.evaluators.edge_detection import EdgeSeries
 from swath.judge.evaluators.lateral_error import PathSeries
 from swath.judge.evaluators.unloading import HeapRows, UnloadingSeries

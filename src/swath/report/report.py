@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M

@@ -33,12 +33,12 @@ from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.schedule import Slot, from_hz
 from swath.documents.geojson import lines_of, read_shapes
+from swath.field.edges.track import EdgeShape
 from swath.field.field import Field
+from swath.field.maps.projection import Origin
 from swath.field.memory_layout import Solids
-from swath.field.projection import Origin
 from swath.field.site_setup import TRAILER, Bodies, SiteSetup, why_outside
-from swath.field.solids import machine_body, trailer_body
-from swath.field.track import EdgeShape
+from swath.field.solid.solids import machine_body, trailer_body
 from swath.machine.body.body import MachineBody, read_body
 from swath.machine.machine_sheet import MachineSheet, load_machine
 from swath.record.message_factory import OPTICAL_FRAME

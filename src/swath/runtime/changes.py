@@ -27,8 +27,8 @@ from swath.core.schedule import NS
 from swath.documents.json_file import read_json
 from swath.documents.yaml_document import parse_value
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import things_of
-from swath.field.solids import merge
+from swath.field.solid.obstacles import things_of
+from swath.field.solid.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
 from swath.scenario.resolved import SlotChoice

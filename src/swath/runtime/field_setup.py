@@ -9,16 +9,16 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.field.boundary import Region
 from swath.field.crop_sheet import load_crop
-from swath.field.edge import TrackEdge, make_boundary, make_edge
+from swath.field.edges.boundary import Region
+from swath.field.edges.edge import TrackEdge, make_boundary, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
+from swath.field.maps.projection import Origin, origin_at
+from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import Thing, things_of
-from swath.field.projection import Origin, origin_at
-from swath.field.raster import Raster
-from swath.field.solids import merge
+from swath.field.solid.obstacles import Thing, things_of
+from swath.field.solid.solids import merge
 from swath.field.stand.maps import Maps
 from swath.field.stand.maps import Params as MapsParams
 from swath.field.terrain.dem import Dem

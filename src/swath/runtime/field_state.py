@@ -6,7 +6,7 @@ from typing import Any
 
 from swath.documents.contents import file_hash
 from swath.field.field import Field
-from swath.field.state_file import read_state
+from swath.field.paging.state_file import read_state
 from swath.scenario.scenario import Scenario
 
 IRRELEVANT = ("state_file", "origin", "obstacles")  # keys of the section that leave the crop as it is

@@ -8,8 +8,8 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import InputError
-from swath.core.output_folder import LOCK, check_folder, check_free, held
-from swath.core.whole_file import PART
+from swath.core.files.output_folder import LOCK, check_folder, check_free, held
+from swath.core.files.whole_file import PART
 from swath.documents.json_file import read_object
 from swath.documents.text_file import read_text
 from swath.scenario.scenario import Scenario, changes_in

@@ -10,11 +10,11 @@ from typing import Any
 from swath import __version__
 from swath.core.abilities import ReadsFiles
 from swath.core.errors import InputError, SwathError
+from swath.core.files.whole_file import write_whole
 from swath.core.graph import Observer
 from swath.core.packed_state import UnpackableState
+from swath.core.process.stopping import stoppable, unstopped
 from swath.core.schedule import NS
-from swath.core.stopping import stoppable, unstopped
-from swath.core.whole_file import write_whole
 from swath.documents.contents import hashes
 from swath.judge.evaluation import Evaluation
 from swath.judge.limits import exit_code_of

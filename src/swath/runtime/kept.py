@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from swath.core.random import Stream
-from swath.field.obstacles import things_of
+from swath.field.solid.obstacles import things_of
 from swath.runtime.field_setup import Ground, build_field
 from swath.scenario.resolved import FieldSection
 

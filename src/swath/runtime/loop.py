@@ -11,8 +11,8 @@ import numpy as np
 
 from swath.core.graph import Lockstep
 from swath.core.ops import Goal
+from swath.core.process.stopping import raise_if_lost
 from swath.core.schedule import NS
-from swath.core.stopping import raise_if_lost
 from swath.runtime.world import World
 from swath.signals import MachineState
 

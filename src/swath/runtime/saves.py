@@ -16,11 +16,11 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import InputError, SwathError
+from swath.core.files.read_file import open_to_read
+from swath.core.files.whole_file import copy_whole, open_to_append, own_folder, write_whole
 from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
-from swath.core.read_file import open_to_read
 from swath.core.schedule import NS
-from swath.core.whole_file import copy_whole, open_to_append, own_folder, write_whole
-from swath.field.state_file import write_state
+from swath.field.paging.state_file import write_state
 from swath.runtime.field_state import about
 from swath.runtime.folder import PAGES, SAVED, SAVES
 from swath.runtime.hooks import ActiveRun, RunHook

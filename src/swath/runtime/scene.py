@@ -11,9 +11,9 @@ from swath.core.frames import Pose
 from swath.core.graph import Node
 from swath.core.random import Stream
 from swath.core.schedule import NS, Slot, from_hz
-from swath.field.obstacles import Path, Thing
+from swath.field.edges.track import Way
 from swath.field.site_setup import Bodies
-from swath.field.track import Way
+from swath.field.solid.obstacles import Path, Thing
 from swath.record.recorder import SCENE
 from swath.signals import OBSTACLE_KINDS, MachineState, Obstacles
 

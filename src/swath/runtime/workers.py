@@ -18,11 +18,11 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
-from swath.core.collector import collect_rarely
 from swath.core.errors import SwathError
 from swath.core.foreign_code import Gate, present_gate, through
-from swath.core.processes import forget_safe_path, safe_path, skip_folder_settings
-from swath.core.stopping import hush_lost, stop
+from swath.core.process.collector import collect_rarely
+from swath.core.process.processes import forget_safe_path, safe_path, skip_folder_settings
+from swath.core.process.stopping import hush_lost, stop
 
 STRIKES = 2  # workers that a job may kill before it counts as an error
 STOPS = (signal.SIGINT, signal.SIGTERM)

@@ -11,12 +11,12 @@ import numpy as np
 from swath.core.abilities import Closes, CountsBeams, CountsRays, HasNotes, HasRange, KnowsErrors
 from swath.core.frames import Pose
 from swath.core.graph import Graph
+from swath.field.edges.track import EdgeShape
 from swath.field.field import Field
+from swath.field.maps.projection import Origin
 from swath.field.memory_layout import Solids
-from swath.field.obstacles import Thing
-from swath.field.projection import Origin
 from swath.field.site_setup import TRAILER, Bodies
-from swath.field.track import EdgeShape
+from swath.field.solid.obstacles import Thing
 from swath.machine.body.body import MachineBody
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.machine_sheet import MachineSheet

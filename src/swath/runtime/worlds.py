@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from swath.core.collector import collected_rarely
 from swath.core.errors import SwathError
 from swath.core.graph import Lockstep
-from swath.core.stopping import stoppable
+from swath.core.process.collector import collected_rarely
+from swath.core.process.stopping import stoppable
 from swath.core.together import GoesWith, takes_all
 from swath.runtime.assembly import assemble
 from swath.runtime.hooks import RunHook

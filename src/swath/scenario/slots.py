@@ -505,9 +505,9 @@ class Catalogue:
 
 
 PARTS = {
-    "edge": "swath.field.edge:Edge",
-    "obstacles": "swath.field.obstacles:Obstacle",
-    "boundary": "swath.field.edge:Boundary",
+    "edge": "swath.field.edges.edge:Edge",
+    "obstacles": "swath.field.solid.obstacles:Obstacle",
+    "boundary": "swath.field.edges.edge:Boundary",
     "weather": "swath.field.weather:Weather",
     "evaluators": "swath.judge.catalogue:load_evaluators",
     "bodies": "swath.field.site_setup:known_as",

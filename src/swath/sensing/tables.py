@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.files.whole_file import new_file, write_whole
 from swath.core.units import DEG
-from swath.core.whole_file import new_file, write_whole
 from swath.documents.packed import read_arrays, readable
 from swath.documents.yaml_document import dump, read_document
 from swath.rays.spread import SideSpread, Spread, SpreadTable

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from swath.core.output_folder import held
+from swath.core.files.output_folder import held
 
 
 def option(

@@ -2,7 +2,7 @@
 
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.edge import StraightEdge, make_edge
+from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import PlantLibrary

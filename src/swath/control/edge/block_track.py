@@ -11,17 +11,17 @@ import numpy as np
 
 from swath.control.edge.arc_track import KEPT, SAME, Arc, ArcTrack
 from swath.control.edge.blocks import Block, Found, find_edge, split
-from swath.control.edge.broken_line import carried_on
 from swath.control.edge.canopy_classes import HEADROOM
-from swath.control.edge.canopy_feet import CanopyFeet
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
-from swath.control.edge.edge_breaks import LEAD, LEAST_GAIN, OUT, WIDEST, EdgeBreaks, is_sunken
-from swath.control.edge.edge_wall import JaggedWall, Wall, WallsBehind, place_along, wall_of
-from swath.control.edge.inner_edge import LONG
-from swath.control.edge.lodging import DENSE, Lodging
-from swath.control.edge.near_line import WAY, EdgePoints
+from swath.control.edge.feet.canopy_feet import CanopyFeet
+from swath.control.edge.feet.lodging import DENSE, Lodging
+from swath.control.edge.line.broken_line import carried_on
+from swath.control.edge.line.edge_breaks import LEAD, LEAST_GAIN, OUT, WIDEST, EdgeBreaks, is_sunken
+from swath.control.edge.line.edge_wall import JaggedWall, Wall, WallsBehind, place_along, wall_of
+from swath.control.edge.line.inner_edge import LONG
+from swath.control.edge.line.near_line import WAY, EdgePoints
+from swath.control.edge.line.ragged_line import bite_of, ragged_line
 from swath.control.edge.populations import Populations, crop_excess, overlap_of
-from swath.control.edge.ragged_line import bite_of, ragged_line
 from swath.core.component import KeepsState
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little

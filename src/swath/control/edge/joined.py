@@ -17,12 +17,12 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from swath.control.edge.canopy_feet import mixed
+from swath.control.edge.feet.canopy_feet import mixed
+from swath.control.edge.feet.overhang import HeightOverhang, density
+from swath.control.edge.feet.stem_lean import StemLean
 from swath.control.edge.likelihood_ratio import TOLERANCE, UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
-from swath.control.edge.overhang import HeightOverhang, density
 from swath.control.edge.profile import LEAST_SURE, crop_sign
-from swath.control.edge.stem_lean import StemLean
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose

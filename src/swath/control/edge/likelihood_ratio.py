@@ -16,8 +16,8 @@ from annotated_types import Ge, Gt, Le
 from swath.control.edge.block_track import BLOCK, BlockTrack, Search
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
-from swath.control.edge.near_line import WAY, LineFit, NearLine
-from swath.control.edge.overhang import HeightOverhang, Overhang, density
+from swath.control.edge.feet.overhang import HeightOverhang, Overhang, density
+from swath.control.edge.line.near_line import WAY, LineFit, NearLine
 from swath.control.edge.profile import EVENLY, LEAST_SURE, crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate

@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
-from swath.control.edge.canopy_offset import CanopyOffset
+from swath.control.edge.feet.canopy_offset import CanopyOffset
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import SINCE, TURN, UP
 from swath.control.inertial_memory import SAMPLES, AllInertial

@@ -16,8 +16,10 @@ only after it was seen for a while: longer when that lies beside the one it reme
 import warp as wp
 
 from swath.control import inclination
-from swath.control.edge import canopy_classes, canopy_offset, line_weights, profile
-from swath.control.edge.canopy_offset_kernel import SPREADS, score_of_shifts
+from swath.control.edge import canopy_classes, profile
+from swath.control.edge.feet import canopy_offset
+from swath.control.edge.feet.canopy_offset_kernel import SPREADS, score_of_shifts
+from swath.control.edge.line import line_weights
 from swath.control.inertial_kernel import incline
 from swath.core import schedule
 from swath.kernels import constants

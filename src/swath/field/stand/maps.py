@@ -15,14 +15,14 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
-from swath.field.band import CROP_HEIGHT, STEMS
 from swath.field.crop_sheet import load_crop
 from swath.field.field_setup import FieldSetup, from_azimuth
+from swath.field.ground.waves import Waves, make_random_field
 from swath.field.hashing import hash_uniform
-from swath.field.raster import Raster
+from swath.field.maps.band import CROP_HEIGHT, STEMS
+from swath.field.maps.raster import Raster
 from swath.field.stand.uniform import Params as UniformParams
 from swath.field.stand.uniform import Uniform
-from swath.field.waves import Waves, make_random_field
 
 Array = NDArray[np.float64]
 Metres = Annotated[float, Ge(-1e5), Le(1e5)]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.registry import Level
-from swath.field.band import GROUND
 from swath.field.field_setup import FieldSetup
-from swath.field.raster import Raster
-from swath.field.waves import ROUGHNESS_CLASSES, Waves, make_roughness
+from swath.field.ground.waves import ROUGHNESS_CLASSES, Waves, make_roughness
+from swath.field.maps.band import GROUND
+from swath.field.maps.raster import Raster
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from swath.core.registry import Level
 from swath.core.units import DEG
 from swath.field.field_setup import FieldSetup, from_azimuth
+from swath.field.ground.waves import ROUGHNESS_CLASSES, Waves, make_roughness, make_wave
 from swath.field.terrain import plane
-from swath.field.waves import ROUGHNESS_CLASSES, Waves, make_roughness, make_wave
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.together import plain
-from swath.field.present_edge import (
+from swath.field.edges.present_edge import (
     SIDE_M,
     STEP_M,
     Holes,

@@ -17,7 +17,7 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
-from swath.field.projection import Origin
+from swath.field.maps.projection import Origin
 from swath.link.device import lms, nmea, velodyne
 from swath.link.device.address import Address, read_address
 from swath.link.device.wires import Events, TcpServer, Terminal, UdpSender
@@ -305,7 +305,7 @@ def convergence(origin: Origin | None, x: float, y: float) -> float:
     """From true to grid north at a place [m], clockwise [rad]; 0 without an origin."""
     if origin is None:
         return 0.0
-    from swath.field.projection import ellipsoid
+    from swath.field.maps.projection import ellipsoid
 
     (lon, lat), (there_lon, there_lat) = origin.to_lon_lat([[x, y], [x, y + STEP]])
     bearing, _, _ = ellipsoid().inv(lon, lat, there_lon, there_lat)

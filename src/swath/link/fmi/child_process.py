@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import SwathError
-from swath.core.processes import start_module
-from swath.core.temporary import TemporaryFolder
+from swath.core.files.temporary import TemporaryFolder
+from swath.core.process.processes import start_module
 from swath.link.fmi.calls import FmuError
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.instance import Numbers, Steps, unpack

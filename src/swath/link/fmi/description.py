@@ -20,8 +20,8 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from swath.core.errors import Extra, InputError
-from swath.core.temporary import TemporaryFolder
-from swath.core.whole_file import write_whole
+from swath.core.files.temporary import TemporaryFolder
+from swath.core.files.whole_file import write_whole
 from swath.documents.packed import open_archive
 from swath.link.fmi.units import BASE, Unit, known_unit
 

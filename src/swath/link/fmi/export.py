@@ -26,8 +26,8 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import swath
 from swath import __version__
 from swath.core.errors import InputError, MissingExtra
+from swath.core.files.whole_file import new_file
 from swath.core.schedule import NS, from_hz
-from swath.core.whole_file import new_file
 from swath.documents.yaml_document import dump
 from swath.link.fmi.export_slave import FILE, Fmi3Slave, references
 from swath.link.fmi.export_variables import Variable, list_variables

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from swath.core.stopping import unstopped
-from swath.core.temporary import TemporaryFolder
+from swath.core.files.temporary import TemporaryFolder
+from swath.core.process.stopping import unstopped
 from swath.link.fmi.calls import FmuError, Group, Library, log_categories, make_groups
 from swath.link.fmi.description import Description, Variable, unpack_archive
 

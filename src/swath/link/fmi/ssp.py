@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from swath.core.errors import InputError
-from swath.core.temporary import TemporaryFolder
+from swath.core.files.temporary import TemporaryFolder
 from swath.link.fmi.description import BROKEN, Description, read_fmu, reason, unpack_archive
 from swath.link.fmi.units import BASE, Scale, Unit, parse_unit, scale
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.files.whole_file import new_file
 from swath.core.foreign_code import code_unread
-from swath.core.whole_file import new_file
 from swath.link.osi.messages import TYPES, Writer
 from swath.machine.machine_sheet import load_machine
 from swath.record.read.feed import exact_samples, exact_topic

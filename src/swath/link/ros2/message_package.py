@@ -4,8 +4,8 @@ from pathlib import Path
 
 from swath import __version__
 from swath.core.errors import InputError
+from swath.core.files.whole_file import write_whole
 from swath.core.signal import Signal, signal_types
-from swath.core.whole_file import write_whole
 from swath.record.message_factory import definition
 from swath.record.messenger import MAKERS
 from swath.record.samples import DEFINITION, MSGTYPE

@@ -13,7 +13,7 @@ from importlib.resources import files
 from typing import Any
 
 from swath.core.errors import MissingExtra, SwathError
-from swath.core.processes import in_environment
+from swath.core.process.processes import in_environment
 
 DEPTH = 100  # messages that a slow reader may lag behind before it loses some
 CLOCK_PERIOD = 10_000_000  # simulated time between two /clock messages [ns]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.read_file import open_to_read
+from swath.core.files.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.documents.packed import readable
 from swath.link.ros2.middleware import Clock, close_node, open_node

@@ -16,7 +16,7 @@ from swath.core.portable import product
 from swath.core.units import DEG
 from swath.field.memory_layout import Solids
 from swath.field.mesh_file import UNITS, UP, file_up, read_mesh
-from swath.field.solids import merge, mesh, moved
+from swath.field.solid.solids import merge, mesh, moved
 from swath.machine.body.model_xml import CHAIN_MAX, LENGTH_MAX, TOO_DEEP, ModelFile, Part, checked, shape
 from swath.scenario.sections import BodySection
 

@@ -19,7 +19,7 @@ from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
 from swath.core.together import InWorlds, Samples
-from swath.field.cut_result import Cut
+from swath.field.cutting.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated
 from swath.machine import SPEED

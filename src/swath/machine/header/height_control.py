@@ -28,7 +28,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
-from swath.field.cut_result import Cut
+from swath.field.cutting.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine import SPEED
 from swath.machine.header.fill_gauge import FillGauge

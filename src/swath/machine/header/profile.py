@@ -17,7 +17,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.together import InWorlds, Samples
-from swath.field.profile import BIN, refused
+from swath.field.edges.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared
 from swath.machine import SPEED
@@ -59,7 +59,7 @@ class Headers(Compiled):
     hears: ClassVar = {"state": MachineState}
 
     def __init__(self, parts: Sequence[ProfileHeader]) -> None:
-        from swath.field.profile_kernel import Profile
+        from swath.field.edges.profile_kernel import Profile
         from swath.machine.header import profile_kernel as kernel
 
         n = len(parts)

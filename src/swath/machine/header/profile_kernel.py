@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.field.profile_kernel import Profile, beside
+from swath.field.edges.profile_kernel import Profile, beside
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 

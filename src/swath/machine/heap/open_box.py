@@ -23,7 +23,7 @@ from swath.core.random import Stream
 from swath.core.units import DEG, PERCENT
 from swath.field.grain import GrainReceiver
 from swath.field.site_setup import SiteSetup
-from swath.field.solids import box_walls, merge
+from swath.field.solid.solids import box_walls, merge
 from swath.machine.compensated_sum import Total
 from swath.signals import F64, HeapState, TrailerState
 from swath.signals.setup import OpenBox
@@ -248,7 +248,7 @@ class Heap(KeepsState):
         self._bodies.show(self._body, merge(box_walls(self.box), self._surface_solids()))
 
     def _surface_solids(self) -> Any:
-        from swath.field.solids import height_surface
+        from swath.field.solid.solids import height_surface
 
         s, box = self._surface, self.box
         rows = np.linspace(0, len(s.x) - 1, max(2, min(len(s.x), 25))).round().astype(int)

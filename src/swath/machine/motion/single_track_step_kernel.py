@@ -5,7 +5,7 @@ The same operations in the same order as `SingleTrack` does them in Python.
 
 import warp as wp
 
-from swath.field.footprint_kernel import Place, Span, mean_height
+from swath.field.ground.footprint_kernel import Place, Span, mean_height
 from swath.machine.motion.single_track_kernel import (
     GRAVITY,
     HALF,

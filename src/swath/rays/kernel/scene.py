@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.field.land_kernel import floor_div
+from swath.field.cutting.land_kernel import floor_div
 from swath.rays.kernel.shapes import MISS
 
 

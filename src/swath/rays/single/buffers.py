@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from swath.field.memory_layout import Solids
-from swath.field.solids import NOTHING, solid_count
+from swath.field.solid.solids import NOTHING, solid_count
 from swath.kernels import filled, repeatable
 from swath.rays.device import start_warp
 from swath.rays.geometry import make_solid_arrays

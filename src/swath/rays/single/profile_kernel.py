@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.field.profile_kernel import Profile
+from swath.field.edges.profile_kernel import Profile
 from swath.rays.single.kernel import Beams, Canopy, source
 
 

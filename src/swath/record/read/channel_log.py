@@ -10,8 +10,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from swath.core.units import DEG
-from swath.field_io.channels import Channels, si_unit
-from swath.field_io.columns import guess
+from swath.field_io.logs.channels import Channels, si_unit
+from swath.field_io.logs.columns import guess
 
 KIND = "channel "  # before the unit of a channel, as the type of its topic
 POSITION, POSITION_TYPE = "position", "sensor_msgs/msg/NavSatFix"

@@ -9,11 +9,11 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.read_file import open_to_read
+from swath.core.files.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.documents.packed import most_unpacked
 from swath.documents.yaml_document import read_document
-from swath.field_io.channels import open_channels
+from swath.field_io.logs.channels import open_channels
 from swath.record.formats import ABOUT, RECORDING, check_format, read_about
 from swath.record.read.channel_log import ChannelLog
 from swath.record.read.definitions import Definitions

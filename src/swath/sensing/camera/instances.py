@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swath.core.frames import Pose
 from swath.field.memory_layout import Organ, Solids
 from swath.field.site_setup import Sighted
-from swath.field.solids import GRAIN, merge
+from swath.field.solid.solids import GRAIN, merge
 from swath.rays.hits import Hits
 from swath.sensing.camera.shading import linear
 from swath.signals import F64

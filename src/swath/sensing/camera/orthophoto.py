@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.field.projection import Origin
-from swath.field.raster import Raster
+from swath.field.maps.projection import Origin
+from swath.field.maps.raster import Raster
 from swath.sensing.camera.shading import linear
 from swath.signals import F64
 

@@ -28,9 +28,9 @@ from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
-from swath.field.contact import bounds, parts_of
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import SiteSetup
+from swath.field.solid.contact import bounds, parts_of
 from swath.field.weather import GREEN, Sun
 from swath.rays.device import ThreadPool
 from swath.rays.engine import RayCaster

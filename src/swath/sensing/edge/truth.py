@@ -1,9 +1,9 @@
 """Edge level `truth`: the crop edge straight from the field. For isolating steering from perception.
 
 It is the line to be steered along: the edge of the crop that stands, or across a hole the initial edge
-(`field/present_edge.py`). It is followed forwards from the first place ahead of the header end where there is
-one, along lines across the machine ROW_M apart, as far as it goes on without a break. It is reported at the
-reference distance, or nearer where it bends away or breaks.
+(`field/edges/present_edge.py`). It is followed forwards from the first place ahead of the header end where
+there is one, along lines across the machine ROW_M apart, as far as it goes on without a break. It is
+reported at the reference distance, or nearer where it bends away or breaks.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.portable import arctan, solve
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.field.present_edge import SIDE_M, STEP_M, Holes, crop_across, edges_of
+from swath.field.edges.present_edge import SIDE_M, STEP_M, Holes, crop_across, edges_of
 from swath.field.site_setup import SiteSetup
 from swath.signals import F64, CropEdge, MachineState
 

@@ -8,8 +8,8 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import InputError
 from swath.core.registry import Level
-from swath.field.band import GRAIN
-from swath.field.raster import Raster
+from swath.field.maps.band import GRAIN
+from swath.field.maps.raster import Raster
 from swath.field.site_setup import SiteSetup
 from swath.sensing.field_map.places import Answer, LocatedMap, PlaceParams
 from swath.signals import F64

@@ -33,7 +33,7 @@ from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Body, SiteSetup
-from swath.field.solids import merge
+from swath.field.solid.solids import merge
 from swath.rays.single.buffers import BeamBuffer
 from swath.sensing import CHECKED
 from swath.sensing.gnss import error

@@ -1,8 +1,8 @@
 """LiDAR level `profile`: the beams of `empirical` over the field as profiles along the edge.
 
 Table, draws and the way of a beam through crop are those of `empirical`, in the same native code with the
-same random numbers. What it looks at is `field/profile.py`: the ground and the stand once a metre along the
-edge, the standing crop every 5 cm, cut by the header of the same level. It is for many runs at once.
+same random numbers. What it looks at is `field/edges/profile.py`: the ground and the stand once a metre along
+the edge, the standing crop every 5 cm, cut by the header of the same level. It is for many runs at once.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,9 +15,9 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.together import Samples
-from swath.field.profile import refused
+from swath.field.edges.profile import refused
 from swath.field.site_setup import SiteSetup
-from swath.field.solids import solid_count
+from swath.field.solid.solids import solid_count
 from swath.kernels import Repeated, of_worlds, repeatable, shared
 from swath.kernels import filled as made
 from swath.rays.bodies import pack_canopy
@@ -105,7 +105,7 @@ class Scanners(Sweeps):
 
     def launches(self) -> Sequence[Repeated]:
         """The states of the machines, then the sweeps."""
-        from swath.field.profile_kernel import Profile
+        from swath.field.edges.profile_kernel import Profile
         from swath.rays.single.kernel import Beams, Canopy
         from swath.sensing.native import profile_kernel as kernel
         from swath.sensing.native.kernel import Aiming, Electronics

@@ -20,10 +20,10 @@ from swath.core.registry import Level
 from swath.core.units import DEG
 from swath.field.field import Field
 from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING
-from swath.field.pages import Codes
+from swath.field.paging.pages import Codes
+from swath.field.paging.stored_changes import Key
 from swath.field.site_setup import SiteSetup
-from swath.field.solids import NOTHING as FREE_VIEW
-from swath.field.stored_changes import Key
+from swath.field.solid.solids import NOTHING as FREE_VIEW
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import TILE, HeightGrid, load_height_grid
 from swath.rays.heights import SOLID, UNMEASURED, HeightCaster

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.field.profile_kernel import Profile
+from swath.field.edges.profile_kernel import Profile
 from swath.rays.single.kernel import Beams, Canopy
 from swath.rays.single.profile_kernel import chain_scores_along, meet_profile
 from swath.sensing.native.kernel import Aiming, Electronics, aim_packet, pose_beams, report_packet

@@ -38,7 +38,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import PERCENT
 from swath.field.site_setup import Body, SiteSetup
-from swath.field.solids import moved
+from swath.field.solid.solids import moved
 from swath.sensing import RADAR
 from swath.sensing.radar.detector import GUARD, Grid, processing_loss, window
 from swath.sensing.radar.ideal import IdealRadar, Target, entry

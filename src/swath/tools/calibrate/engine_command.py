@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.terminal.options import option
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ def run_engine_fit(args: argparse.Namespace) -> int:
 
     from swath.core.errors import InputError
     from swath.documents.yaml_document import dump
-    from swath.field_io.columns import TOLD, told_rows
-    from swath.field_io.machine_log import read_machine_log
+    from swath.field_io.logs.columns import TOLD, told_rows
+    from swath.field_io.logs.machine_log import read_machine_log
     from swath.machine.machine_sheet import open_machine
     from swath.terminal.tables import number, table
     from swath.tools.calibrate.engine_fit import KEYS, fit_engine

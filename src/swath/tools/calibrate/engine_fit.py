@@ -21,7 +21,7 @@ from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import split_unit
 from swath.documents.data_sheets import Sheet
-from swath.field_io.machine_log import MachineLog
+from swath.field_io.logs.machine_log import MachineLog
 from swath.machine.machine_sheet import read_machine
 from swath.tools.compare_log.compare import (
     SHOWN,

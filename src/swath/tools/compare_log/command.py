@@ -68,8 +68,8 @@ def run_log(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swath.core.errors import InputError
-    from swath.field_io.columns import TOLD, told_rows
-    from swath.field_io.steer_log import is_steer_log
+    from swath.field_io.logs.columns import TOLD, told_rows
+    from swath.field_io.logs.steer_log import is_steer_log
     from swath.terminal.tables import number, table
     from swath.tools.compare_log.compare import Drive, compare_log
     from swath.tools.compare_log.page import statistic_rows, write_comparison
@@ -116,7 +116,7 @@ def _run_steering(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swath.core.errors import InputError
-    from swath.field_io.columns import TOLD, told_rows
+    from swath.field_io.logs.columns import TOLD, told_rows
     from swath.terminal.tables import table
     from swath.tools.compare_log.steering_fit import compare_steering
     from swath.tools.compare_log.steering_page import fitted_rows, left_rows, write_steering

@@ -25,7 +25,7 @@ from swath.documents.data_sheets import Sheet
 from swath.field.field import Field
 from swath.field.moisture import Moisture
 from swath.field.site_setup import SiteSetup
-from swath.field_io.machine_log import MachineLog, read_machine_log
+from swath.field_io.logs.machine_log import MachineLog, read_machine_log
 from swath.judge.evaluators.drivetrain import DIESEL
 from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine

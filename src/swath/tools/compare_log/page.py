@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.whole_file import new_file, write_whole
+from swath.core.files.whole_file import new_file, write_whole
 from swath.documents.json_file import write_json
 from swath.documents.yaml_document import dump
 from swath.report.html import Figure, Items, Section, Table, signed, write_page

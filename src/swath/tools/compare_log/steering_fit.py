@@ -25,9 +25,9 @@ from swath.core.units import DEG, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.documents.validation import near_miss
 from swath.field.field import Field
-from swath.field.footprint import Footprint
+from swath.field.ground.footprint import Footprint
 from swath.field.site_setup import SiteSetup
-from swath.field_io.steer_log import SteerLog, read_steer_log
+from swath.field_io.logs.steer_log import SteerLog, read_steer_log
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
 from swath.signals import SpeedCommand, SteerCommand, SteerState

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.documents.yaml_document import dump
 from swath.report.html import Table
 from swath.report.plots import BLUE, GREY, ORANGE, STYLE, figure

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import Extra, InputError
-from swath.core.read_file import check_readable
-from swath.field.projection import transform
+from swath.core.files.read_file import check_readable
+from swath.field.maps.projection import transform
 from swath.rays.height_grid import NODE_CELLS, lattice_height
 from swath.signals import F64
 from swath.tools.height_map.build import open_source

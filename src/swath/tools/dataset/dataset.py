@@ -23,14 +23,14 @@ from numpy.typing import NDArray
 
 import swath
 from swath.core.errors import InputError, SwathError
+from swath.core.files.whole_file import new_file, own_folder, write_whole
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import DEG
-from swath.core.whole_file import new_file, own_folder, write_whole
 from swath.documents.json_file import read_object
 from swath.documents.packed import LARGEST_BYTES, readable
 from swath.documents.text_file import read_bytes
-from swath.field.obstacles import SheetKind, SheetObstacle, things_of
+from swath.field.solid.obstacles import SheetKind, SheetObstacle, things_of
 from swath.runtime.assembly import assemble
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.overrides import layered

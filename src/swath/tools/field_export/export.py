@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.files.whole_file import write_whole
 from swath.core.frames import rotation_matrix
-from swath.core.whole_file import write_whole
 from swath.field.memory_layout import Organ
-from swath.field.solids import merge
+from swath.field.solid.solids import merge
 from swath.rays.engine import RayCaster
 from swath.runtime.world import World
 from swath.signals import F64, U8

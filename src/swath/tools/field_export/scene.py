@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.field.contact import frames_along
 from swath.field.field import Field
 from swath.field.field_setup import HasExtent
+from swath.field.maps.projection import Origin
 from swath.field.memory_layout import Organ, Shape, Solids
-from swath.field.projection import Origin
 from swath.field.site_setup import Sighted
+from swath.field.solid.contact import frames_along
 from swath.machine.body import triangles
 from swath.report.field_plot import ground_colours
 from swath.report.plots import STRAW

@@ -8,9 +8,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
+from swath.core.files.output_folder import held
+from swath.core.files.whole_file import write_whole
 from swath.core.frames import Pose
-from swath.core.output_folder import held
-from swath.core.whole_file import write_whole
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Sighted
 from swath.runtime.world import World

@@ -18,8 +18,8 @@ import numpy as np
 from pydantic import Field
 
 from swath.core.errors import InputError
+from swath.core.process.shell import command
 from swath.core.random import Stream
-from swath.core.shell import command
 from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document, read_document
 from swath.runtime.met import check_quantities

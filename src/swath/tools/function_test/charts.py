@@ -7,13 +7,13 @@ from math import log1p
 from swath.judge.evaluators.edge_detection import WRONG_M as ALERT_M
 from swath.report.chart import Chart
 from swath.tools.function_test.cells import Cell
-from swath.tools.function_test.integrity import (
+from swath.tools.function_test.judging.integrity import (
     BIN_COUNT,
     BIN_M,
     episodes_per_km,
     pooled,
 )
-from swath.tools.function_test.judged import UNCOUNTED
+from swath.tools.function_test.judging.judged import UNCOUNTED
 
 COLOURS = (
     *("var(--blue)", "var(--orange)", "var(--green)"),

@@ -11,12 +11,14 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
-from swath.core.shell import command
+from swath.core.process.shell import command
 from swath.terminal.options import add_folder, add_sets, option
 from swath.terminal.tables import add_json
-from swath.tools.function_test import cheaper_command, estimate_command, search_command
+from swath.tools.function_test import cheaper_command
+from swath.tools.function_test.estimate import command as estimate_command
 from swath.tools.function_test.field_plan import command as field_plan
 from swath.tools.function_test.progress import CLUSTER, engine, progress
+from swath.tools.function_test.search import command as search_command
 
 PLACE = "many", 0  # among all commands
 
@@ -206,10 +208,10 @@ def _work(args: argparse.Namespace) -> int:
 
 
 def _report(args: argparse.Namespace) -> int:
-    from swath.tools.function_test.estimate import open_estimate
+    from swath.tools.function_test.estimate.estimate import open_estimate
     from swath.tools.function_test.odd.campaign import open_campaign
     from swath.tools.function_test.odd.trace import FOLDER, write_cod
-    from swath.tools.function_test.search import open_search
+    from swath.tools.function_test.search.search import open_search
     from swath.tools.function_test.session import open_session
 
     session = open_session(args.folder, same_code=False)
@@ -256,12 +258,12 @@ def _compare(args: argparse.Namespace) -> int:
 
 
 def _again(args: argparse.Namespace) -> int:
-    from swath.core.whole_file import no_link
+    from swath.core.files.whole_file import no_link
     from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
     from swath.runtime.credibility import outside_of
     from swath.runtime.job import run_job
-    from swath.tools.function_test.judged import verdict_of
+    from swath.tools.function_test.judging.judged import verdict_of
     from swath.tools.function_test.odd.campaign import CAMPAIGN, Campaign
     from swath.tools.function_test.one_run import scenario_of
     from swath.tools.function_test.plan import code_hash, commit
@@ -314,10 +316,10 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     from swath.terminal.outcome import exit_code
     from swath.terminal.tables import table
     from swath.tools.function_test.fidelity import told
+    from swath.tools.function_test.judging.ranking import HEAD, ranking
+    from swath.tools.function_test.judging.verdict import NOT_JUDGED, VERDICTS
     from swath.tools.function_test.junit import write_junit
     from swath.tools.function_test.page import write_matrix
-    from swath.tools.function_test.ranking import HEAD, ranking
-    from swath.tools.function_test.verdict import NOT_JUDGED, VERDICTS
 
     cells = session.cells(again=again)
     session.table()

@@ -13,9 +13,16 @@ from swath.judge.catalogue import load_evaluators
 from swath.sensing.lidar.empirical import BIASED
 from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
 from swath.tools.function_test.journal import TABLE, Result, read_table
-from swath.tools.function_test.judged import OPEN, UNJUDGED
-from swath.tools.function_test.margin import MARGIN
-from swath.tools.function_test.paired import ALPHA, Difference, difference, holm, paired_values, verdict_test
+from swath.tools.function_test.judging.judged import OPEN, UNJUDGED
+from swath.tools.function_test.judging.margin import MARGIN
+from swath.tools.function_test.judging.paired import (
+    ALPHA,
+    Difference,
+    difference,
+    holm,
+    paired_values,
+    verdict_test,
+)
 from swath.tools.function_test.plan import looked_at
 from swath.tools.function_test.session import open_session
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from swath.core.whole_file import write_csv
+from swath.core.files.whole_file import write_csv
 from swath.documents.text_file import read_text
 from swath.report.html import Table
 from swath.tools.function_test.case import Point

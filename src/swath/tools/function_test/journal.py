@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.whole_file import new_file, open_to_append, own_folder
+from swath.core.files.whole_file import new_file, open_to_append, own_folder
 from swath.documents.contents import changed_since
 from swath.documents.json_file import read_object
 from swath.documents.packed import open_parquet

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.tools.function_test.cells import Cell
-from swath.tools.function_test.judged import OPEN, UNJUDGED
-from swath.tools.function_test.kept_runs import Kept
-from swath.tools.function_test.verdict import NOT_JUDGED, NOT_SHOWN, SHOWN
+from swath.tools.function_test.judging.judged import OPEN, UNJUDGED
+from swath.tools.function_test.judging.kept_runs import Kept
+from swath.tools.function_test.judging.verdict import NOT_JUDGED, NOT_SHOWN, SHOWN
 
 
 def write_junit(path: Path, cells: Sequence[Cell]) -> Path:

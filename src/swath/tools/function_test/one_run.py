@@ -14,16 +14,16 @@ from swath.runtime.met import SUMMARY as MET
 from swath.runtime.met import MetHook
 from swath.runtime.worlds import run_each
 from swath.scenario.scenario import Scenario, load_scenario
-from swath.tools.function_test.integrity import SUMMARY as INTEGRITY
-from swath.tools.function_test.integrity import IntegrityHook
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import verdict_of
+from swath.tools.function_test.judging.integrity import SUMMARY as INTEGRITY
+from swath.tools.function_test.judging.integrity import IntegrityHook
+from swath.tools.function_test.judging.judged import verdict_of
+from swath.tools.function_test.judging.ranking import EDGE_US
+from swath.tools.function_test.judging.steering_accuracy import SUMMARY as STEERING
+from swath.tools.function_test.judging.steering_accuracy import SteeringHook
 from swath.tools.function_test.plan import PlannedRun
-from swath.tools.function_test.ranking import EDGE_US
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
-from swath.tools.function_test.steering_accuracy import SUMMARY as STEERING
-from swath.tools.function_test.steering_accuracy import SteeringHook
 
 NOT_METRICS = ("seed", "real_time_factor", "ray_count", "simulated_s", "wall_s")
 

@@ -22,12 +22,12 @@ from swath.report.html import (
 from swath.terminal.outcome import limit_text
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.charts import colour, over_parameters, stanford
-from swath.tools.function_test.integrity import BIN_COUNT, BIN_M
-from swath.tools.function_test.judged import UNJUDGED
-from swath.tools.function_test.kept_runs import Kept
-from swath.tools.function_test.ranking import HEAD, by_tag, ranking
-from swath.tools.function_test.steering_accuracy import CLASS_COUNT, accuracy
-from swath.tools.function_test.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, VERDICTS
+from swath.tools.function_test.judging.integrity import BIN_COUNT, BIN_M
+from swath.tools.function_test.judging.judged import UNJUDGED
+from swath.tools.function_test.judging.kept_runs import Kept
+from swath.tools.function_test.judging.ranking import HEAD, by_tag, ranking
+from swath.tools.function_test.judging.steering_accuracy import CLASS_COUNT, accuracy
+from swath.tools.function_test.judging.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, VERDICTS
 
 WIDTH, HEIGHT = 260.0, 38.0  # of a strip [px]
 FAILED_MAX, FAILED_LEAST = 200, 3  # runs in the list of failures; of one case and candidate at least

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from swath.core.errors import InputError
-from swath.core.output_folder import check_folder
-from swath.core.whole_file import copy_whole, no_link, own_folder, write_whole
+from swath.core.files.output_folder import check_folder
+from swath.core.files.whole_file import copy_whole, no_link, own_folder, write_whole
 from swath.documents.contents import changed_since, hashes_by_path
 from swath.documents.json_file import read_object
 from swath.documents.packed import open_parquet
@@ -34,7 +34,7 @@ from swath.tools.function_test.journal import (
     write_parquet,
     write_rows,
 )
-from swath.tools.function_test.judged import PresentLimits, in_shadow
+from swath.tools.function_test.judging.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
 from swath.tools.function_test.pool import Done, run_all

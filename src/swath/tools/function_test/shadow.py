@@ -12,7 +12,7 @@ from swath.core.errors import InputError
 from swath.core.graph import Graph, Node
 from swath.core.signal import Signal
 from swath.documents.json_file import json_safe
-from swath.field.present_edge import Bits, Place, Standing, crop_along
+from swath.field.edges.present_edge import Bits, Place, Standing, crop_along
 from swath.judge.evaluators.edge_detection import EdgeDetection, States
 from swath.record.digest import Digest
 from swath.runtime.assembly import make_part, outside_of
@@ -21,8 +21,8 @@ from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
 from swath.signals import MachineState
-from swath.tools.function_test.integrity import integrity_of
-from swath.tools.function_test.ranking import EDGE_US
+from swath.tools.function_test.judging.integrity import integrity_of
+from swath.tools.function_test.judging.ranking import EDGE_US
 
 SUMMARY = "shadow"
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import write_csv
+from swath.core.files.whole_file import write_csv
 from swath.signals import F64
 from swath.tools.distributions import BIN, GROUND_BELOW, Agreement, compare
 from swath.tools.lab.lab import REFERENCE, CaseHeights, Lab

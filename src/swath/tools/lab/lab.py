@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.files.temporary import TemporaryFolder
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.temporary import TemporaryFolder
 from swath.core.units import DEG
 from swath.documents.validation import known_keys, near_miss, unknown_key, validate
 from swath.documents.yaml_document import Document

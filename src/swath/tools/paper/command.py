@@ -7,7 +7,7 @@ from pathlib import Path
 from subprocess import DEVNULL
 from typing import Any
 
-from swath.core.processes import start_module
+from swath.core.process.processes import start_module
 from swath.terminal.options import add_folder
 
 PLACE = "start", 1  # among all commands
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
 def write_paper(out: Path) -> Path:
     """Write the page about the folders that the commands left; returns its path."""
     from swath import __version__
-    from swath.core.shell import command
+    from swath.core.process.shell import command
     from swath.report.html import Figure, Items, Section, write_page
 
     sections = []

@@ -15,8 +15,8 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError
+from swath.core.files.whole_file import write_whole
 from swath.core.schedule import NS
-from swath.core.whole_file import write_whole
 from swath.documents.text_file import text_lines
 from swath.signals.flat import FlatField, build, flat_fields, read
 from swath.tools.part.isolate import Arrival, IsolatedPart, Output

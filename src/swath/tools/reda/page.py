@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.whole_file import write_csv
+from swath.core.files.whole_file import write_csv
 from swath.report import plots
 from swath.report.html import Facts, Figure, Section, Table, write_page
 from swath.report.plots import CROP, FAINT, INK, ON_DARK, ON_LIGHT, figure

@@ -9,7 +9,7 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import SwathError
-from swath.core.whole_file import write_csv, write_whole
+from swath.core.files.whole_file import write_csv, write_whole
 from swath.documents.text_file import read_text
 from swath.runtime.workers import Lost, in_workers
 from swath.tools.reda.scene import SCANS, Condition, Scene, Sensor, Settings, make_sensor, places
@@ -137,7 +137,7 @@ def _cell(sensor: Sensor, looks: int, inside: float, aside: float) -> Cell:
 
 
 def _height(scene: Scene) -> float:
-    from swath.field.obstacles import load_obstacle
+    from swath.field.solid.obstacles import load_obstacle
 
     return scene.height or load_obstacle(scene.settings.target).height
 

@@ -22,13 +22,13 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.field.crop_sheet import load_crop
-from swath.field.edge import StraightEdge, make_edge
+from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ
-from swath.field.obstacles import Path as ObstaclePath
-from swath.field.obstacles import SheetObstacle, things_of
 from swath.field.site_setup import Body, SiteSetup
+from swath.field.solid.obstacles import Path as ObstaclePath
+from swath.field.solid.obstacles import SheetObstacle, things_of
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 from swath.rays.engine import RayCaster

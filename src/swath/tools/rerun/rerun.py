@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.files.temporary import TemporaryFolder
 from swath.core.foreign_code import code_unread
-from swath.core.temporary import TemporaryFolder
 from swath.judge.summary import read_summary
 from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
+from swath.core.files.whole_file import new_file, write_whole
 from swath.core.schedule import NS
-from swath.core.whole_file import new_file, write_whole
 from swath.record.read.feed import exact_samples
 from swath.record.read.files import RUN, open_log
 from swath.record.samples import MSGTYPE, SUFFIX

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from swath import __version__
 from swath.core.errors import Extra
+from swath.core.files.whole_file import new_file, write_whole
 from swath.core.frames import Pose
-from swath.core.whole_file import new_file, write_whole
-from swath.field.projection import Origin, known_crs
+from swath.field.maps.projection import Origin, known_crs
 from swath.signals import Scan, ScanTruth, beam_directions
 
 NAMES = ("x", "y", "z", "intensity", "time", "azimuth", "beam", "echo", "echo_count")

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.files.output_folder import held
+from swath.core.files.whole_file import new_file, write_whole
 from swath.core.frames import Pose
-from swath.core.output_folder import held
-from swath.core.whole_file import new_file, write_whole
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.message_factory import RecordedMachine

@@ -42,7 +42,7 @@ def _parameter(text: str) -> list[str]:
 
 
 def _tune(args: argparse.Namespace) -> int:
-    from swath.tools.function_test.margin import MARGIN
+    from swath.tools.function_test.judging.margin import MARGIN
     from swath.tools.tune.tune import Tune, run_tune, runs_of, source_of
 
     params = tuple(parts[0] + ",".join(parts[1:]) for parts in args.param)
@@ -58,7 +58,7 @@ def _tune(args: argparse.Namespace) -> int:
 
 def tell(found: Any) -> int:
     """Pages, and what was found on the screen; returns the exit code."""
-    from swath.core.shell import command
+    from swath.core.process.shell import command
     from swath.terminal.tables import table
     from swath.tools.tune.page import write_tuned
     from swath.tools.tune.tune import PARTS, says_of

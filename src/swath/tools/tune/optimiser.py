@@ -13,8 +13,8 @@ import numpy as np
 
 from swath.core.errors import Extra, InputError
 from swath.signals import F64
-from swath.tools.function_test.boundary import CANDIDATES, Boundary, sobol_points
-from swath.tools.function_test.gaussian_process import fit
+from swath.tools.function_test.search.boundary import CANDIDATES, Boundary, sobol_points
+from swath.tools.function_test.search.gaussian_process import fit
 from swath.tools.tune.parameters import Parameter, snapped
 
 BATCH = 4  # settings that are tried at a time

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from swath import __version__
-from swath.core.shell import command
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
+from swath.core.process.shell import command
 from swath.report.chart import Chart
 from swath.report.html import Facts, Html, Section, Table, bar, element, joined, write_page
 from swath.tools.tune.optimiser import Measured, Tried, as_one, what_matters

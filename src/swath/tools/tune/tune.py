@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.files.whole_file import write_whole
 from swath.core.random import Stream
-from swath.core.whole_file import write_whole
 from swath.documents.validation import near_miss
 from swath.documents.yaml_document import dump
 from swath.signals import F64
@@ -26,8 +26,8 @@ from swath.tools.function_test.candidates import SHIPPED
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.compare import VERDICTS, Comparison, better_of, compare
 from swath.tools.function_test.journal import Result, write_table
-from swath.tools.function_test.judged import UNJUDGED
-from swath.tools.function_test.margin import MARGIN, judged_margin
+from swath.tools.function_test.judging.judged import UNJUDGED
+from swath.tools.function_test.judging.margin import MARGIN, judged_margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import Session, claim_folder
@@ -346,7 +346,7 @@ def _check_aims(tune: Tune, results: Sequence[Result]) -> None:
 
 def command_of(tune: Tune, folder: Path) -> str:
     """The command that does it again."""
-    from swath.core.shell import command
+    from swath.core.process.shell import command
 
     standard = asdict(Tune((), ()))
     flags = {"--tries": "tries", "--each": "each", "--proof": "proof", "--level": "level", "--seed": "seed"}

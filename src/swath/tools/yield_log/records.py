@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from swath import __version__
 from swath.core.errors import Extra, InputError
+from swath.core.files.output_folder import held
+from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import code_unread
-from swath.core.output_folder import held
-from swath.core.whole_file import write_whole
 from swath.field.crop_sheet import load_crop
-from swath.field.projection import Origin, origin_at
+from swath.field.maps.projection import Origin, origin_at
 from swath.field_io.folder import read_origin
 from swath.machine.machine_sheet import load_machine
 from swath.record.tracks import read_tracks

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.core.whole_file import write_csv
+from swath.core.files.whole_file import write_csv
 from swath.documents.text_file import read_text
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario
@@ -152,7 +152,7 @@ def _scans(measured: Path, simulated: Path) -> list[dict[str, object]]:
 
 def _log(log: Path, scenario: Scenario) -> list[dict[str, object]]:
     """`swath compare log` with the machine of the scenario, nothing fitted to the numbers that are told."""
-    from swath.field_io.steer_log import is_steer_log
+    from swath.field_io.logs.steer_log import is_steer_log
     from swath.tools.compare_log.compare import compare_log
     from swath.tools.compare_log.steering_fit import compare_steering
 

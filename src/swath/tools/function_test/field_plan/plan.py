@@ -23,18 +23,18 @@ from swath.core.random import Stream
 from swath.scenario.overrides import layered
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
-from swath.tools.function_test.estimate import distribution_of
+from swath.tools.function_test.estimate.estimate import distribution_of
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
-from swath.tools.function_test.gaussian_process import matern
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import beyond
-from swath.tools.function_test.margin import MARGIN, margin
+from swath.tools.function_test.judging.judged import beyond
+from swath.tools.function_test.judging.margin import MARGIN, margin
+from swath.tools.function_test.judging.verdict import SHOWN
 from swath.tools.function_test.odd.campaign import Conducted, open_campaign
 from swath.tools.function_test.odd.coverage import driven_of
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash, looked_at
 from swath.tools.function_test.pool import Done
+from swath.tools.function_test.search.gaussian_process import matern
 from swath.tools.function_test.session import Session, claim_folder, open_session
-from swath.tools.function_test.verdict import SHOWN
 
 ASKED, PAIRS = "plan-field.json", "pairs"
 CASE_IS, OTHER = "as it is", "other"  # candidates: the case, and with other levels

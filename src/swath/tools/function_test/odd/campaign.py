@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.output_folder import check_folder
-from swath.core.whole_file import copy_whole, write_whole
+from swath.core.files.output_folder import check_folder
+from swath.core.files.whole_file import copy_whole, write_whole
 from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Odd, read_odd

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from swath.signals import F64
 from swath.tools.function_test.case import Claim
+from swath.tools.function_test.judging.verdict import BROKEN, SHOWN, needed
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.cells import NEVER, OddCell, Span, p_broken
 from swath.tools.function_test.odd.coverage import Coverage, Driven
-from swath.tools.function_test.verdict import BROKEN, SHOWN, needed
 
 Flags = NDArray[np.bool_]
 

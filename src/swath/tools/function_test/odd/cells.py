@@ -20,9 +20,9 @@ from math import exp
 import numpy as np
 
 from swath.tools.function_test.case import Claim
+from swath.tools.function_test.judging.paired import holm
+from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed
 from swath.tools.function_test.odd.coverage import Coverage
-from swath.tools.function_test.paired import holm
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed
 
 Span = tuple[int, int]  # the first and the last of adjacent buckets of an attribute, numbered among all
 NEVER = "never driven"

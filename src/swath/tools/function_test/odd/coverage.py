@@ -16,7 +16,7 @@ from swath.runtime.met import EVERY_M
 from swath.runtime.met import SUMMARY as MET
 from swath.signals import F64
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.judged import UNCOUNTED
+from swath.tools.function_test.judging.judged import UNCOUNTED
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.openodd import Value
 

@@ -15,8 +15,8 @@ from xml.etree import ElementTree as ET
 
 from swath import __version__
 from swath.core.errors import InputError
-from swath.core.shell import command
-from swath.core.whole_file import write_csv
+from swath.core.files.whole_file import write_csv
+from swath.core.process.shell import command
 from swath.documents.text_file import read_text
 from swath.report.chart import Chart
 from swath.report.html import (
@@ -39,7 +39,8 @@ from swath.tools.function_test.cells import cells_of, errors_of
 from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.fidelity import levels_of
 from swath.tools.function_test.in_step import is_number
-from swath.tools.function_test.judged import ERROR, beyond
+from swath.tools.function_test.judging.judged import ERROR, beyond
+from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN
 from swath.tools.function_test.junit import write_junit, write_suites
 from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
 from swath.tools.function_test.odd.causes import (
@@ -70,7 +71,6 @@ from swath.tools.function_test.odd.trace import (
 from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import more, write_matrix
 from swath.tools.function_test.plan import code_hash, commit, looked_at
-from swath.tools.function_test.verdict import BROKEN, NOT_SHOWN, SHOWN
 
 NOWHERE = "nowhere"
 ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is reported; estimated

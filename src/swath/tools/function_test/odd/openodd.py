@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import Extra, InputError
-from swath.core.temporary import TemporaryFolder
-from swath.core.whole_file import own_folder, write_whole
+from swath.core.files.temporary import TemporaryFolder
+from swath.core.files.whole_file import own_folder, write_whole
 from swath.documents.yaml_document import Document, read_document
 
 Value = float | str | bool

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from swath.core.whole_file import write_whole
+from swath.core.files.whole_file import write_whole
 from swath.documents.yaml_document import dump
 from swath.tools.function_test.odd.binding import Odd
 from swath.tools.function_test.odd.causes import Cause

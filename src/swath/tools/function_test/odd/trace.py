@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from swath.core.shell import command
+from swath.core.process.shell import command
 from swath.runtime.met import SUMMARY as MET
 from swath.terminal.outcome import NOT_JUDGED, limit_text, result_of, window_text
 from swath.tools.function_test.journal import Result
-from swath.tools.function_test.margin import margin_of
+from swath.tools.function_test.judging.margin import margin_of
 from swath.tools.function_test.odd.binding import Odd, OddFile
 from swath.tools.function_test.odd.openodd import export_tables
 

@@ -1,0 +1,1 @@
+"""How far the feet of the crop stand behind the edge of its canopy."""

@@ -1,0 +1,1 @@
+"""The line of an edge: its wall, its breaks, and the parabola beside the machine."""

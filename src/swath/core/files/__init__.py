@@ -1,0 +1,1 @@
+"""Files and folders: how they are opened, written whole, kept for a while."""

@@ -1,0 +1,1 @@
+"""How crop is cut: the cells that a swept polygon covers, what stood on them, and the check of both."""

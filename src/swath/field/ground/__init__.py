@@ -1,0 +1,1 @@
+"""The ground: its waves, and its heights under a body."""

@@ -1,0 +1,1 @@
+"""Solid things: obstacles, bodies of machines, and contact between them."""

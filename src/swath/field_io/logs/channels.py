@@ -1,0 +1,341 @@
+"""Measurements of machinery makers as named channels with unit and time: MF4, and frames in BLF, ASC or MF4.
+
+Frames are decoded by a DBC file: that beside the log with its name, or the only one in its folder; else by
+the messages of ISO 11783 that come with swath. Files are read by blocks; a long one takes no more memory.
+Messages of more than one frame (J1939 transport) are not put together.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from heapq import merge
+from io import TextIOWrapper
+from pathlib import Path
+from traceback import walk_tb
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import Extra, InputError, SwathError
+from swath.core.files.read_file import check_readable, open_to_read
+from swath.core.units import UNITS, Unit
+from swath.documents.j1939 import dbc_file, parse, value_of
+from swath.field_io.logs.columns import unit_symbol
+
+Array = NDArray[np.float64]
+Block = tuple[str, NDArray[np.int64], Array]  # channel, times [ns] since the log began, values in its unit
+Frame = tuple[int, int, bool, bytes]  # time [ns] since the log began, identifier, whether of 29 bits, data
+FRAGMENT = 4 << 20  # bytes of an MF4 file in memory at a time
+FRAMES = 1 << 16  # decoded frames in memory at a time
+BUS = "CAN_DataFrame"  # channel of frames in an MF4 file (ASAM MDF bus logging)
+MAGIC = {b"MDF     ": "MF4", b"UnFinMF ": "MF4", b"LOGG": "BLF", b"date ": "ASC"}
+RIGHT = " right"  # after the unit of a number that counts to the right, where it counts to the left here
+_KINDS = {unit.symbol: unit for unit in UNITS.values()}
+_KINDS |= {"1/km": Unit("1/km", "per length", 1e-3), "W": Unit("W", "power"), "Pa": Unit("Pa", "pressure")}
+_SI = {unit.kind: unit.symbol for unit in reversed(_KINDS.values()) if unit.factor == 1.0}
+_SI |= {"ratio": "1", "volume flow": "m3/s"}
+
+
+class Channels(Protocol):
+    """A measurement. units: channel -> unit as the file says it, '' where it says none.
+
+    begin, end: first and last time [ns]; notes: what was assumed or could not be read, with how often
+    """
+
+    path: Path
+    units: dict[str, str]
+    begin: int
+    end: int
+    notes: dict[str, int]
+
+    def blocks(self, wanted: Collection[str]) -> Iterator[Block]:
+        """The samples of some channels, those of each in the order of time."""
+
+    def samples(self, wanted: Collection[str]) -> Iterator[tuple[int, str, float]]:
+        """(time [ns], channel, value), of all channels in the order of time."""
+
+
+def si_unit(text: str) -> tuple[str, float] | None:
+    """SI unit of the kind that a unit measures, and the factor to it; None for a unit that is not known."""
+    bare = text.removesuffix(RIGHT)
+    unit = _KINDS.get(bare) or _KINDS.get(unit_symbol(bare))
+    if unit is None or not text:
+        return None
+    return _SI.get(unit.kind, unit.kind), unit.factor if bare == text else -unit.factor
+
+
+def kind_of(path: Path) -> str:
+    """MF4, BLF or ASC by the first bytes of a file; '' for another one."""
+    if not path.is_file():
+        return ""
+    with open_to_read(path, "log", "a log") as file:
+        head = file.read(8)
+    return next((kind for magic, kind in MAGIC.items() if head.startswith(magic)), "")
+
+
+def open_channels(path: Path) -> Channels | None:
+    """The reader of a measurement; None for a file of another kind. InputError where it cannot be read."""
+    kind = kind_of(path)
+    if not kind:
+        return None
+    try:
+        if kind != "MF4":
+            return Bus(path, lambda: _logged(path))
+        with _mdf(path) as mdf:
+            has_frames = BUS in mdf.channels_db
+        return Bus(path, lambda: _in_mf4(path)) if has_frames else Mf4(path)
+    except SwathError:
+        raise
+    except Exception as error:  # what a broken file raises depends on where it is broken
+        raise InputError("log", path.name, f"expected a whole {kind} file: {error}", file=path) from error
+
+
+@contextmanager
+def _mdf(path: Path) -> Iterator[Any]:
+    with Extra("mf4", "reading MF4"):
+        from asammdf import MDF
+    with open_to_read(path, "log", "an MF4 file") as file:  # by a path it maps all of it
+        try:
+            mdf = MDF(file)
+        except Exception as error:
+            for frame, _ in walk_tb(error.__traceback__):
+                half_read: Any = frame.f_locals.get("self")
+                if hasattr(half_read, "_closed"):  # it cannot be closed without what it has not read
+                    vars(half_read).update(header=None, identification=None)
+                    half_read.close()
+            raise
+        with mdf:
+            mdf.configure(read_fragment_size=FRAGMENT)
+            yield mdf
+
+
+class Mf4:
+    """Channels of an MF4 file that are plain numbers; masters, texts and arrays are left out."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notes: dict[str, int] = {}
+        self.units: dict[str, str] = {}
+        self._places: dict[str, tuple[int, int]] = {}
+        starts, ends = [0], [0]
+        with _mdf(path) as mdf:
+            masters = set(mdf.masters_db.items())
+            for name, of_name in mdf.channels_db.items():
+                places = [p for p in of_name if p not in masters and _count(mdf, p[0])]
+                for group, index in places:
+                    about = mdf.groups[group].channel_group.acq_name or str(group)
+                    full = name if len(places) == 1 else f"{about}.{name}"
+                    full = full if full not in self.units else f"{group}.{name}"
+                    first = mdf.get(group=group, index=index, record_count=1, raw=True)
+                    if first.samples.dtype.kind in "biuf" and first.samples.ndim == 1:
+                        self.units[full] = mdf.get_channel_unit(group=group, index=index) or ""
+                        self._places[full] = group, index
+            for group in {g for g, _ in self._places.values()}:
+                starts.append(_ns(mdf.get_master(group, record_count=1))[0])
+                last = mdf.get_master(group, record_offset=_count(mdf, group) - 1, record_count=1)
+                ends.append(_ns(last)[-1])
+        self.begin, self.end = int(min(starts[1:], default=0)), int(max(ends))
+
+    def blocks(self, wanted: Collection[str]) -> Iterator[Block]:
+        """The samples of some channels, those of each in the order of time."""
+        with _mdf(self.path) as mdf:
+            for group in self._groups(wanted):
+                for rows in self._rows(mdf, group):
+                    yield from rows
+
+    def samples(self, wanted: Collection[str]) -> Iterator[tuple[int, str, float]]:
+        """(time [ns], channel, value), of all channels in the order of time."""
+        with _mdf(self.path) as mdf:
+            yield from merge(
+                *(_sorted(self._rows(mdf, group)) for group in self._groups(wanted)), key=lambda s: s[0]
+            )
+
+    def _groups(self, wanted: Collection[str]) -> list[dict[str, tuple[int, int]]]:
+        """Wanted channels by their group."""
+        found: dict[int, dict[str, tuple[int, int]]] = {}
+        for name, place in self._places.items():
+            if name in wanted:
+                found.setdefault(place[0], {})[name] = place
+        return list(found.values())
+
+    def _rows(self, mdf: Any, channels: Mapping[str, tuple[int, int]]) -> Iterator[list[Block]]:
+        """Blocks of the same records of the channels of a group."""
+        parts = [mdf.iter_get(group=group, index=index) for group, index in channels.values()]
+        for signals in zip(*parts, strict=True):
+            rows = []
+            for name, signal in zip(channels, signals, strict=True):
+                values = signal.samples
+                if values.dtype.kind not in "biuf":  # a table of words
+                    values = np.full(len(values), np.nan)
+                    self.notes[f"{name} says words, not numbers"] = 1
+                rows.append((name, _ns(signal.timestamps), values.astype(float)))
+            yield rows
+
+
+@dataclass(frozen=True)
+class _Message:
+    """A message on the bus. channels: its signals -> their channels; is_j1939: raw values may say "none"."""
+
+    decoder: Any
+    channels: dict[str, str]
+    is_j1939: bool
+
+    def values(self, data: bytes) -> Iterator[tuple[str, float]]:
+        raw = self.decoder.decode(data, decode_choices=False, scaling=False, allow_truncated=True)
+        for signal in self.decoder.signals:
+            if signal.name in raw and signal.name in self.channels:
+                number = raw[signal.name]
+                value = value_of(signal, number) if self.is_j1939 else number * signal.scale + signal.offset
+                yield self.channels[signal.name], float("nan") if value is None else float(value)
+
+
+class Bus:
+    """Frames as channels: the signals of their messages, `Message.Signal` where several have the name.
+
+    frames: opens a pass through the file. Of a message of J1939 the number of its group counts, whoever sends
+    it; channels of several senders end with their address, `@1C`.
+    """
+
+    def __init__(self, path: Path, frames: Callable[[], Iterator[Frame]]) -> None:
+        with Extra("can", "reading frames"):
+            import cantools
+        self.path, self._frames = path, frames
+        self.notes: dict[str, int] = {}
+        file = _database_of(path)
+        try:
+            database = cantools.database.load_file(str(check_readable(file, "database", "a DBC file")))
+        except (cantools.Error, ValueError) as error:
+            raise InputError("database", file.name, f"expected a DBC file: {error}", file=file) from error
+        self.notes[f"frames decoded by {file.name}"] = 1
+        self._messages: dict[tuple[int, bool], _Message | None] = {}
+        self.units: dict[str, str] = {}
+        first = last = None
+        for t, identifier, is_long, _ in frames():
+            self._messages[identifier, is_long] = None
+            first, last = t if first is None else min(first, t), t if last is None else max(last, t)
+        self.begin, self.end = first or 0, last or 0
+        self._describe(database.messages, is_own=file == dbc_file())
+        if not self.units:
+            shown = ", ".join(f"{identifier:X}" for identifier, _ in list(self._messages)[:5]) or "no frame"
+            raise InputError("log", shown, f"expected frames that {file} describes", file=path)
+
+    def _describe(self, messages: list[Any], *, is_own: bool) -> None:
+        """Which of the identifiers that occur are which message, and the names of their channels."""
+        plain = {(m.frame_id, m.is_extended_frame): m for m in messages}
+        groups = {parse(m.frame_id).pgn: m for m in messages if is_own or m.protocol == "j1939"}
+        found: dict[tuple[int, bool], tuple[Any, bool]] = {}
+        for key in self._messages:
+            of_group = groups.get(parse(key[0]).pgn) if key[1] else None
+            if (message := of_group or plain.get(key)) is not None:
+                found[key] = message, of_group is not None
+            else:
+                self.notes["identifiers not described"] = self.notes.get("identifiers not described", 0) + 1
+        senders = {m.name: {k[0] & 0xFF for k, (o, _) in found.items() if o is m} for m, _ in found.values()}
+        names = [s.name for m in {m.name: m for m, _ in found.values()}.values() for s in m.signals]
+        for key, (message, is_j1939) in found.items():
+            end = f"@{key[0] & 0xFF:02X}" if is_j1939 and len(senders[message.name]) > 1 else ""
+            channels = {}
+            for signal in message.signals:
+                bare = signal.name if names.count(signal.name) == 1 else f"{message.name}.{signal.name}"
+                is_right = is_own and "> 0 turns right" in (signal.comment or "")
+                self.units[bare + end] = (signal.unit or "") + (RIGHT if is_right else "")
+                channels[signal.name] = bare + end
+            self._messages[key] = _Message(message, channels, is_j1939)
+
+    def samples(self, wanted: Collection[str]) -> Iterator[tuple[int, str, float]]:
+        """(time [ns], channel, value), of all channels in the order of the file."""
+        asked = set(wanted)
+        needed = {k: m for k, m in self._messages.items() if m and asked & {*m.channels.values()}}
+        for t, identifier, is_long, data in self._frames():
+            message = needed.get((identifier, is_long))
+            if message is None:
+                continue
+            try:
+                values = list(message.values(data))
+            except Exception:  # cantools raises what bitstruct does, by where the data end
+                note = f"frames of {message.decoder.name} not readable"
+                self.notes[note] = self.notes.get(note, 0) + 1
+                continue
+            yield from ((t, name, value) for name, value in values if name in wanted)
+
+    def blocks(self, wanted: Collection[str]) -> Iterator[Block]:
+        """The samples of some channels, those of each in the order of the file."""
+        held: dict[str, list[tuple[int, float]]] = {}
+        for count, (t, name, value) in enumerate(self.samples(wanted), 1):
+            held.setdefault(name, []).append((t, value))
+            if count % FRAMES == 0:
+                yield from _packed(held)
+                held = {}
+        yield from _packed(held)
+
+
+def _packed(held: Mapping[str, list[tuple[int, float]]]) -> Iterator[Block]:
+    for name, pairs in held.items():
+        yield name, np.array([t for t, _ in pairs], np.int64), np.array([v for _, v in pairs])
+
+
+def _sorted(blocks: Iterator[list[Block]]) -> Iterator[tuple[int, str, float]]:
+    """Samples of channels with the same times, one time after the other."""
+    for rows in blocks:
+        for of_one in zip(*(zip(t.tolist(), v.tolist(), strict=True) for _, t, v in rows), strict=False):
+            yield from ((t, name, value) for (name, _, _), (t, value) in zip(rows, of_one, strict=True))
+
+
+def _count(mdf: Any, group: int) -> int:
+    """Records of a group."""
+    return int(mdf.groups[group].channel_group.cycles_nr)
+
+
+def _ns(seconds: Any) -> NDArray[np.int64]:
+    return np.asarray(np.round(np.asarray(seconds, float) * 1e9), np.int64)
+
+
+def _database_of(path: Path) -> Path:
+    """The DBC file that a log is decoded by."""
+    beside = path.with_suffix(".dbc")
+    found = [beside] if beside.is_file() else sorted(path.parent.glob("*.dbc"))
+    if len(found) > 1:
+        names = ", ".join(file.name for file in found)
+        raise InputError("database", names, f"expected one of them named {beside.name}", file=path)
+    return found[0] if found else dbc_file()
+
+
+def _logged(path: Path) -> Iterator[Frame]:
+    """Frames of a BLF or ASC file, to the microsecond."""
+    with Extra("can", "reading frames"):
+        import can
+    with open_to_read(path, "log", "a log of frames") as file:
+        is_text = kind_of(path) == "ASC"
+        reader: Any = can.ASCReader(TextIOWrapper(file)) if is_text else can.BLFReader(file)
+        begin = getattr(reader, "start_timestamp", None) or 0.0
+        for m in reader:
+            if not m.is_error_frame and not m.is_remote_frame:
+                t = round((m.timestamp - begin) * 1e6) * 1000
+                yield t, m.arbitration_id, m.is_extended_id, bytes(m.data)
+
+
+def _in_mf4(path: Path) -> Iterator[Frame]:
+    """Frames of an MF4 file, by the time; those of several buses together."""
+    with _mdf(path) as mdf:
+        places = mdf.channels_db[BUS]
+        yield from merge(
+            *(_of_group(mdf, group, index) for group, index in places), key=lambda frame: frame[0]
+        )
+
+
+def _of_group(mdf: Any, group: int, index: int) -> Iterator[Frame]:
+    for signal in mdf.iter_get(group=group, index=index):
+        part = {name.removeprefix(f"{BUS}."): signal.samples[name] for name in signal.samples.dtype.names}
+        lengths = part.get("DataLength", np.full(len(signal.samples), 8))
+        longs = part.get("IDE", part["ID"] > 0x7FF)
+        rows = zip(
+            _ns(signal.timestamps).tolist(),
+            part["ID"].tolist(),
+            longs,
+            part["DataBytes"],
+            lengths,
+            strict=True,
+        )
+        for t, identifier, is_long, data, length in rows:
+            yield t, identifier & 0x1FFFFFFF, bool(is_long), bytes(data)[: int(length)]

@@ -1,0 +1,92 @@
+"""A log is one thing only where it is: its parts are separated before it is judged.
+
+Rows that are there twice count once, sections side by side are one header. Two harvests of
+one ground, and two fields are several: the log is refused, or the part that is asked for is taken.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core.errors import InputError
+from swath.field_io.logs.log import Log
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+PAUSE = 6 * 3600.0  # s: a longer one, or a clock that goes back so far, begins another part
+MOST_BLOCKS = 50  # between such pauses in the order of the rows; with more that order says nothing
+APART = 200.0  # m between two fields; less is a road, a creek, trees
+LEAST_PART = 0.1  # of the ground of the largest: with less it is no field or harvest of its own
+SAME_GROUND = 0.5  # of a part, covered before: it is a second harvest
+
+
+def one_part(log: Log, chosen: int | None, path: Path) -> Log:
+    """The part of a log that is meant. Raises InputError where it has several and none is chosen."""
+    cutting = (log.flow > 0.0) & (log.width > 0.0)
+    width = float(np.median(log.width[cutting])) if cutting.any() else 1.0
+    cell = _ground(log.position, width)
+    harvest, field = _harvests(log, cell, cutting), _fields(log.position, cutting)
+    part = np.unique(harvest * (field.max() + 1) + field, return_inverse=True)[1].ravel()
+    sizes = np.array([len(np.unique(cell[part == k])) for k in range(part.max() + 1)])
+    large = [int(k) for k in np.argsort(-sizes, kind="stable") if sizes[k] >= LEAST_PART * sizes.max()]
+    if len(large) < 2 or len(sizes) < 2:
+        return log
+    if chosen is not None:
+        if not 1 <= chosen <= len(large):
+            raise InputError("part", chosen, f"expected 1 to {len(large)}", file=path)
+        return log.keep(part == large[chosen - 1])
+    shown = []
+    for number, k in enumerate(large[:4], start=1):
+        own = log.keep(part == k)
+        grown = own.flow[own.flow > 0.0] / np.maximum(own.width * own.speed, 0.5)[own.flow > 0.0]
+        since = float(own.time.min()) / 86400.0
+        shown.append(
+            f"{number}: {len(own):,} records, {10 * np.median(grown):.1f} t/ha, from day {since:.1f} on"
+        )
+    kind = "harvests of one ground" if len(np.unique(harvest[np.isin(part, large)])) > 1 else "fields"
+    raise InputError(
+        "log", f"{len(large)} {kind} ({'; '.join(shown)})", "expected one; --part N takes one", file=path
+    )
+
+
+def _ground(position: Array, width: float) -> Indices:
+    """Cells of a quarter of the width that lie under the header of each record, shape (n, 9): three quarters
+    of it, so that passes beside each other share none, and a pass between two of them shares most.
+    """
+    own = np.floor(position / (0.25 * width)).astype(np.int64)
+    own -= own.min(axis=0) - 1
+    x, y = (own[:, axis, None] + beside.ravel() for axis, beside in enumerate(np.mgrid[-1:2, -1:2]))
+    return np.asarray(x * (int(y.max()) + 1) + y)
+
+
+def _harvests(log: Log, cell: Indices, cutting: NDArray[np.bool_]) -> Indices:
+    """Number of the harvest of each record, shape (n,): a part that cuts ground again is another."""
+    for order in (np.argsort(log.row_number, kind="stable"), np.lexsort((log.time, log.machine))):
+        far = (np.abs(np.diff(log.time[order])) > PAUSE) & (np.diff(log.machine[order]) == 0)
+        if far.sum() < MOST_BLOCKS:
+            break
+    number = np.zeros(len(log), dtype=np.int64)
+    harvests: list[set[int]] = [set()]
+    for own in np.split(order, np.flatnonzero(far) + 1):
+        ground = set(cell[own[cutting[own]]].ravel().tolist())
+        shared = [len(held & ground) <= SAME_GROUND * len(ground) for held in harvests]
+        at = shared.index(True) if True in shared else len(harvests)
+        harvests[at:] = harvests[at:] or [set()]
+        harvests[at] |= ground
+        number[own] = at
+    return number
+
+
+def _fields(position: Array, cutting: NDArray[np.bool_]) -> Indices:
+    """Number of the field of each record, shape (n,): of the nearest that is cut."""
+    from scipy.ndimage import distance_transform_edt, label
+
+    cell = np.floor(position / (0.5 * APART)).astype(np.int64)
+    cell -= cell.min(axis=0)
+    is_cut = np.zeros(cell.max(axis=0) + 1, dtype=bool)
+    is_cut[tuple(cell[cutting].T)] = True
+    if not is_cut.any():
+        return np.zeros(len(cell), dtype=np.int64)
+    nearest = distance_transform_edt(~is_cut, return_distances=False, return_indices=True)
+    return np.asarray(label(is_cut, np.ones((3, 3)))[0][tuple(nearest)][tuple(cell.T)], dtype=np.int64)

@@ -1,0 +1,1 @@
+"""`swath test estimate`: the probability of a rare failure."""

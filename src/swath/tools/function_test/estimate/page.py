@@ -1,0 +1,179 @@
+"""report.html of an estimate: where failures lie, and with which weight; its JUnit file."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from swath import __version__
+from swath.report.chart import Chart
+from swath.report.html import Banner, Facts, Section, Table, element, write_page
+from swath.signals import F64
+from swath.tools.function_test.estimate.estimate import Estimated
+from swath.tools.function_test.judging.verdict import BROKEN, SHOWN
+from swath.tools.function_test.junit import write_suites
+from swath.tools.function_test.page import failures
+
+SIDE = 360.0  # of the picture [px]
+PASSED_MAX, FAILED_MAX = 1500, 20  # runs in the picture that keep the limit, failures in the list
+LARGEST = 9.0  # radius of the failure with the largest weight [px]
+PARAMETERS = (
+    "parameter",
+    "key",
+    "range",
+    "exposure",
+    "nine tenths of the failures",
+    "away from the exposure [nat]",
+)
+ABOUT_PICTURE = (
+    "Runs of the last round over the two parameters in which failures differ most from the exposure. "
+    "Orange: the limit is broken, the area is the run's share of the probability. Blue: kept."
+)
+ABOUT = (
+    "The probability is the mean of exposure over density of the failures in the last round, whose "
+    "density was fixed before its first run: over many estimates it is unbiased. The rounds before only "
+    "say where failures are. They follow the margin to the limit; a region of failures that they "
+    "overlooked makes the number too small and the interval too narrow, and is excluded only above a "
+    "probability of {}. The interval says how far the number depends on chance, not how far the "
+    "simulation or the exposure can be trusted."
+)
+SPAN = (0.05, 0.95)  # of the failures, by weight
+
+
+def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -> Path:
+    """Write the page. at_most: the probability that is claimed."""
+    rate, verdict = found.rate, found.verdict(at_most)
+    given = not found.refusals
+    names = list(found.telling)
+    failed, every = _failed(found), (*found.rounds, found.last)
+    rounds = [
+        [f"{n}{', the last' if n == len(every) else ''}", "cheap" if r.level else "as judged",
+         str(len(r.margins)), str(int(np.sum(r.margins < 0.0))),
+         f"{float(np.nanmin(r.margins, initial=1.0)):.2f}"]
+        for n, r in enumerate(every, 1)
+    ]  # fmt: skip
+    sections = [
+        Section(
+            "Where failures lie",
+            [_picture(found, names), Table("", PARAMETERS, [_parameter(found, n) for n in names], (5,))],
+        ),
+        failures("Failures that weigh most", "share", failed, rate.failures),
+        Section(
+            "How sure it is",
+            [ABOUT.format(f"{found.blind:.2g}"),
+             Table("", ["round", "level", "runs", "failures", "least margin"], rounds, (2, 3, 4))],
+        ),
+    ]  # fmt: skip
+    small = f"95 %: {rate.low:.2g} to {rate.high:.2g}" if given else "not supported by the runs"
+    kind = {SHOWN: "pass", BROKEN: "fail"}.get(verdict, "none")
+    said = f"at most {at_most:g}: {verdict}" if verdict else small
+    return write_page(
+        path,
+        sections,
+        heading=f"Probability of failure of {found.case.name}",
+        lead=f"{found.case.file.objective}; {found.limit}, swath {__version__}",
+        verdict=(kind, f"{rate.value:.2g} a run" if given else "no number", said),
+        top=[*(Banner(f"No number is given: {said}.") for said in found.refusals), Facts(_facts(found))],
+    )
+
+
+def _facts(found: Estimated) -> dict[str, object]:
+    rate, cheap = found.rate, found.cheap_rate
+    interval = f"{100 * rate.half_width:.0f} %" if not found.refusals else None
+    overlooked = f"{100 * rate.overlooked:.0f} %" if rate.failures else None
+    return {
+        "runs": found.plain["runs"],
+        "of them in the last round": rate.runs,
+        "failures in the last round": rate.failures,
+        "effective failures": f"{rate.ess:.0f}",
+        "half width of the interval": interval,
+        "of the probability where the search found none": overlooked,
+        "not judged": found.unknown.failures or None,
+        "at the cheap level": cheap and f"{cheap.value:.2g} ({cheap.low:.2g} to {cheap.high:.2g})",
+        "failures that it does not show": cheap and f"{100 * found.unseen:.0f} %",
+    }
+
+
+def _values(found: Estimated, name: str) -> F64:
+    """Of the runs of the last round, (n,), 0 to 1 over the range or the values of a parameter."""
+    varied, values = found.case.file.vary[name], [point[name] for point in found.last.points]
+    if varied.range is None:
+        steps = np.array([varied.drawn_values.index(value) for value in values])
+        apart = np.arange(len(steps)) * 0.618 % 1.0  # within the band of a value, so that all are seen
+        return np.asarray((steps + 0.15 + 0.7 * apart) / len(varied.drawn_values))
+    low, high = varied.range
+    return (np.array(values, dtype=float) - low) / (high - low)
+
+
+def _picture(found: Estimated, names: list[str]) -> Chart:
+    """Over the two parameters that matter most, or the margin over the only one."""
+    x = _values(found, names[0])
+    y = _values(found, names[1]) if len(names) > 1 else 0.5 + 0.5 * np.nan_to_num(found.last.margins)
+    up = _axis(found, names[1]) if len(names) > 1 else ("margin", "-1", "1")
+    across = _axis(found, names[0])
+    made = Chart(SIDE, SIDE, f"{up[0]} over {across[0]}", across, up, ABOUT_PICTURE)
+    fails = found.last.margins < 0.0
+    largest = float(np.max(found.weights[fails])) if np.any(fails) else 1.0
+    for i in np.flatnonzero(~fails)[:PASSED_MAX].tolist():
+        made.dot(float(x[i]), float(y[i]), "pass", radius=1.1)
+    for i in sorted(np.flatnonzero(fails).tolist(), key=lambda i: -found.weights[i]):
+        radius = max(1.2, LARGEST * float(np.sqrt(found.weights[i] / largest)))
+        made.dot(float(x[i]), float(y[i]), "heavy", radius=radius)
+    return made
+
+
+def _axis(found: Estimated, name: str) -> tuple[str, str, str]:
+    varied = found.case.file.vary[name]
+    low, high = varied.range or (varied.drawn_values[0], varied.drawn_values[-1])
+    return name, *(end if isinstance(end, str) else f"{end:g}" for end in (low, high))  # type: ignore[return-value]
+
+
+def _parameter(found: Estimated, name: str) -> list[object]:
+    """Its exposure, and where nine tenths of the failures lie, by weight."""
+    varied = found.case.file.vary[name]
+    fails = found.last.margins < 0.0
+    values = np.array([point[name] for point in found.last.points], dtype=object)[fails]
+    share = found.weights[fails] / max(float(np.sum(found.weights[fails])), 1e-300)
+    if varied.range is None:
+        sums = {value: float(np.sum(share[values == value])) for value in varied.drawn_values}
+        lie = ", ".join(f"{value} {100 * of:.0f} %" for value, of in sums.items() if of > 0.0)
+        span = ", ".join(map(str, varied.drawn_values))
+    else:
+        order = np.argsort(values.astype(float))
+        places = np.minimum(np.searchsorted(np.cumsum(share[order]), SPAN), len(order) - 1)
+        lie = " to ".join(f"{value:.4g}" for value in values[order][places]) if len(order) else ""
+        span = "{:g} to {:g}".format(*varied.range)
+    exposure = ", ".join(f"{of:g}" for of in varied.exposure) or "all alike"
+    return [name, element("code", varied.key), span, exposure, lie or "–", f"{found.telling[name]:.2f}"]
+
+
+def _failed(found: Estimated) -> list[tuple[Mapping[str, Any], str]]:
+    """The failures that weigh most, with their share of the probability."""
+    last = found.last
+    whole = float(np.sum(found.weights[last.margins < 0.0]))
+    each = zip(found.weights.tolist(), last.margins.tolist(), last.results, strict=True)
+    failed = sorted(((w, r) for w, m, r in each if m < 0.0), key=lambda pair: (-pair[0], pair[1]["id"]))
+    return [(result, f"{100 * weight / whole:.1f} %") for weight, result in failed[:FAILED_MAX]]
+
+
+def write_junit(path: Path, found: Estimated, at_most: float | None) -> Path:
+    """A test with the probability as a property: fails when it exceeds what is claimed, is skipped where that
+    is not shown, or where no number is given.
+    """
+    verdict = found.verdict(at_most)
+    suite = ET.Element("testsuite", name=f"{found.case.name} [estimate]", tests="1")
+    test = ET.SubElement(suite, "testcase", classname=found.case.name, name=f"probability: {found.limit}")
+    if not found.refusals:
+        properties = ET.SubElement(test, "properties")
+        for name in ("probability", "low", "high"):
+            ET.SubElement(properties, "property", name=name, value=f"{found.plain[name]:.6g}")
+    if verdict == BROKEN:
+        ET.SubElement(test, "failure", message=f"{found.text}; at most {at_most:g} is asked")
+    elif found.refusals or (verdict and verdict != SHOWN):
+        ET.SubElement(test, "skipped", message=found.text)
+    suite.set("failures", str(int(verdict == BROKEN)))
+    root = ET.Element("testsuites")
+    root.append(suite)
+    return write_suites(path, root)

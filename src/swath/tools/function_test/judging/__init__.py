@@ -1,0 +1,1 @@
+"""What runs of a function test show: limits kept, margins, ranks, pairs, verdicts."""

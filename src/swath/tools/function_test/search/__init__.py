@@ -1,0 +1,1 @@
+"""`swath test search`: the boundary of failure of a case."""

@@ -1,0 +1,109 @@
+"""report.html of a search: where runs pass and fail over each two parameters, and what matters."""
+
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+from swath import __version__
+from swath.report.chart import Chart
+from swath.report.html import Beside, Facts, Html, Section, Table, bar, element, joined, write_page
+from swath.tools.function_test.journal import Result
+from swath.tools.function_test.page import failures, point_text
+from swath.tools.function_test.search.boundary import Boundary
+from swath.tools.function_test.search.search import Searched
+
+SIDE, BINS = 270.0, 22  # of a map [px], squares along it
+FAILED_MAX = 60  # runs in the list
+PARAMETERS = ("parameter", "key", "range", "alone", "with all that it acts with")
+ABOUT_MAPS = (
+    "Dots are runs that keep their limits, crosses runs that do not. The colour is the share of the other "
+    "parameters' ranges in which runs are expected to keep them: blue all, none of both colours half, "
+    "orange none. Expected is what a Gaussian process makes of the margins; the runs are where it knew "
+    "least on which side of the boundary they would fall."
+)
+ABOUT_SHARES = "Shares of the margin's variance over the ranges (Sobol's indices), from the same runs."
+
+
+def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = None) -> Path:
+    """Write the page. checked: runs of another test that the boundary foretells right, of how many."""
+    boundary, count = found.boundary, len(found.results)
+    failed = [result for result in found.judged if result["verdict"] != "pass"]
+    rows = [(run, f"{margin:+.2f}") for run, margin in _nearest_first(found, failed)][:FAILED_MAX]
+    maps = [_map(found, boundary, x, y) for x, y in combinations(range(len(found.ranges)), 2)]
+    sensitivities = [
+        [name, element("code", found.case.file.vary[name].key), "{:g} to {:g}".format(*ends), _index(first),
+         _index(total)]
+        for (name, first, total), ends in zip(boundary.sensitivities(), found.ranges.values(), strict=True)
+    ]  # fmt: skip
+    sections = [
+        Section("Where runs pass", [Beside(maps or [_line(found, boundary)]), ABOUT_MAPS]),
+        Table("What matters", PARAMETERS, sensitivities, text=ABOUT_SHARES),
+        failures("Failed runs, nearest to the boundary first", "margin", rows, len(failed)),
+    ]  # fmt: skip
+    limit = found.search.limit or "all limits together"
+    return write_page(
+        path,
+        sections,
+        heading=f"Boundary of {found.case.name}",
+        lead=f"{found.case.file.objective}; {limit}, {count} runs, swath {__version__}",
+        verdict=("none", f"{found.passed()[0]} of {count} pass", "chosen near the boundary"),
+        top=[
+            Facts(
+                {
+                    "the runs": "; ".join(found.shows),
+                    "left out, predicted correctly": f"{100 * boundary.right_of_left_out:.0f} % of the runs",
+                    "other runs, predicted correctly": checked and "{} of {}".format(*checked),
+                }
+            )
+        ],
+    )
+
+
+def _index(share: float) -> Html:
+    return joined((bar(share), f"{share:.2f}"))
+
+
+def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:
+    """Over two parameters: the share of the others' ranges in which runs pass, and the runs."""
+    made = Chart(
+        SIDE, SIDE, f"{_axis(found, y)[0]} over {_axis(found, x)[0]}", _axis(found, x), _axis(found, y)
+    )
+    size = 1.0 / BINS
+    for row, line in enumerate(boundary.map_of(x, y, BINS)):
+        for column, share in enumerate(line):
+            looks = (
+                ("var(--orange)", 1.0 - 2.0 * share) if share < 0.5 else ("var(--blue)", 2.0 * share - 1.0)
+            )
+            made.box(
+                column * size, row * size, 1.01 * size, 1.01 * size, fill=looks[0], opacity=0.5 * looks[1]
+            )
+    return _with_runs(made, found, boundary, boundary.points[:, x], boundary.points[:, y])
+
+
+def _line(found: Searched, boundary: Boundary) -> Chart:
+    """Of one parameter: the margin over it, from -1 to 1 upwards."""
+    x = _axis(found, 0)
+    made = Chart(SIDE, SIDE, f"margin over {x[0]}", x, ("margin", "-1", "1"))
+    made.line(0.0, 0.5, 1.0, 0.5, "3 3")
+    return _with_runs(made, found, boundary, boundary.points[:, 0], 0.5 + 0.5 * boundary.margins)
+
+
+def _with_runs(made: Chart, found: Searched, boundary: Boundary, x: Any, y: Any) -> Chart:
+    for a, b, margin, result in zip(x, y, boundary.margins, found.judged, strict=True):
+        title = f"{point_text(result['point'], result['seed'])}: margin {margin:+.2f}"
+        if margin >= 0.0:
+            made.dot(float(a), float(b), "on", title)
+        else:
+            made.cross(float(a), float(b), title)
+    return made
+
+
+def _axis(found: Searched, number: int) -> tuple[str, str, str]:
+    name, (low, high) = list(found.ranges.items())[number]
+    return name, f"{low:g}", f"{high:g}"
+
+
+def _nearest_first(found: Searched, failed: Sequence[Result]) -> list[tuple[Result, float]]:
+    margins = found.margins(failed)
+    return sorted(zip(failed, map(float, margins), strict=True), key=lambda pair: (-pair[1], pair[0]["id"]))
