@@ -74,6 +74,13 @@ class InputError(SwathError):
         super().__init__(fitted(text, LONGEST - len(place), value if isinstance(value, str) else "") + place)
 
 
+def raise_all(errors: "Sequence[InputError]") -> None:
+    """Raise the first error, where there is one; its `others` are the rest."""
+    if errors:
+        errors[0].others = tuple(errors[1:])
+        raise errors[0]
+
+
 class WiringError(SwathError):
     """Two ports that do not fit, a port without a source, or a source that does not exist."""
 

@@ -15,10 +15,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from swath.core.errors import MIGRATED_BY, InputError
+from swath.core.errors import MIGRATED_BY, InputError, raise_all
 from swath.documents.sheet_fields import Entry, build, entries, model_of
 from swath.documents.validation import near_miss, validate
-from swath.documents.yaml_document import Document, KeyPath, key_path, read_document
+from swath.documents.yaml_document import Document, KeyPath, key_path, read_mapping
 
 FORM = '{value: 4.7, tag: S, source: "the maker\'s manual"}'
 TAGS = {
@@ -128,9 +128,7 @@ class Sheet:
         mistaken = {mistake.key for mistake in self.mistakes}
         errors = [*self.mistakes, *(e for e in errors if e.key not in mistaken)]
         errors = [e for e in errors if e.key == "kind"] or errors
-        if errors:
-            errors[0].others = tuple(errors[1:])
-            raise errors[0]
+        raise_all(errors)
 
     def build(self, kind: type[T], prefix: str = "") -> T:
         """The object of a class whose keys were checked; `prefix` stands before each."""
@@ -171,10 +169,7 @@ def read_sheet(kind: str, name: str, base: Path | None = None) -> Sheet:
     Raises InputError for what is no data sheet of that kind.
     """
     path = find_sheet(kind, name, base)
-    document = read_document(path)
-    document.kind = "data sheet"
-    if not isinstance(document.data, dict):
-        raise document.error((), None, "expected a mapping of keys")
+    document = read_mapping(path, "data sheet")
     wanted, given = f"swath {KINDS[kind]} {VERSION}", document.data.get("format")
     if given is None:
         raise document.error(("format",), None, f"expected `{wanted}`; {MIGRATED_BY}")

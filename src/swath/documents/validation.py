@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, raise_all
 from swath.core.units import split_unit
 from swath.documents.yaml_document import Document, KeyPath, key_path
 
@@ -148,6 +148,13 @@ def _one_each(errors: list[InputError]) -> list[InputError]:
             text = f"{same.expected} or {e.expected.removeprefix('expected ')}"
             kept[e.key] = InputError(e.key, e.value, text, file=e.file, line=e.line)
     return list(kept.values())
+
+
+def checked(kind: Any, document: Document, data: Any = None, path: KeyPath = ()) -> Any:
+    """The object made of `data`, that of the document by default. InputError with its `others`."""
+    made, errors = validate(kind, document.data if data is None else data, path, document)
+    raise_all(errors)
+    return made
 
 
 def _translate(error: Any, kind: Any, data: Any, path: KeyPath, document: Document) -> InputError:

@@ -123,6 +123,14 @@ def key_path(text: str) -> KeyPath:
     return tuple(int(p) if p.isascii() and p.isdecimal() and len(p) < 7 else p for p in parts)
 
 
+def read_mapping(file: Path, kind: str) -> Document:
+    """Parse a YAML file that is a mapping of keys. kind: what errors about the whole of it call it."""
+    document = replace(read_document(file), kind=kind)
+    if not isinstance(document.data, dict):
+        raise document.error((), None, "expected a mapping of keys")
+    return document
+
+
 def read_document(file: Path) -> Document:
     """Parse a YAML file. InputError when it cannot be read or is not YAML."""
     with open_to_read(file, str(file), "a YAML file") as stream:

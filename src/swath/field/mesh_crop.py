@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
+from swath.core.errors import raise_all
 from swath.core.portable import product
 from swath.core.units import CM
 from swath.documents.data_sheets import Sheet
@@ -165,9 +166,7 @@ def _check_parts(
         for name in parts
         if name not in used
     ]
-    if errors:
-        errors[0].others = tuple(errors[1:])
-        raise errors[0]
+    raise_all(errors)
 
 
 def _check_up(sheet: Sheet, path: Path, points: Array) -> None:

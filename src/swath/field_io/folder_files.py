@@ -1,5 +1,6 @@
 """What the text files of a field folder have to hold: `field.yaml` and GeoJSON in lon/lat (RFC 7946)."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
@@ -7,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from swath.core.errors import InputError
 from swath.documents.json_file import read_json
-from swath.documents.validation import validate
+from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, Place, read_document
 
 FORMAT, VERSION = "swath field", 1
@@ -137,20 +138,13 @@ def read_info(folder: Path, kind: type[T]) -> tuple[T, dict[str, Any]]:
         raise InputError("field folder", str(folder), f"expected a folder, {what}")
     if not path.is_file():
         raise InputError("field folder", str(folder), "expected a field folder, it has no field.yaml")
-    document = read_document(path)
-    document.kind = "field folder"
-    return _checked(kind, document), document.data
+    document = replace(read_document(path), kind="field folder")
+    made: T = checked(kind, document)
+    return made, document.data
 
 
 def read_features(path: Path, kind: type[T]) -> T:
     """A GeoJSON file, checked as `kind`. InputError names the key within it."""
     data = read_json(path, path.stem, "GeoJSON")
-    return _checked(kind, Document(data, path, {(): Place(str(path))}, kind=path.stem))
-
-
-def _checked(kind: type[T], document: Document) -> T:
-    found, errors = validate(kind, document.data, (), document)
-    if errors:
-        raise errors[0]
-    made: T = found
+    made: T = checked(kind, Document(data, path, {(): Place(str(path))}, kind=path.stem))
     return made

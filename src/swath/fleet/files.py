@@ -24,8 +24,8 @@ from annotated_types import Ge, Gt, Le, MinLen
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
 from swath.documents.geojson import lines_of, read_shapes
-from swath.documents.validation import near_miss, validate
-from swath.documents.yaml_document import Document, read_document
+from swath.documents.validation import checked, near_miss
+from swath.documents.yaml_document import Document, read_mapping
 from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME
 
@@ -250,10 +250,7 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
     Raises InputError with key, value, file and line; its `others` are what else is wrong.
     """
     file = job_sheet(name)
-    document = read_document(file)
-    document.kind = "job"
-    if not isinstance(document.data, dict):
-        raise document.error((), None, "expected a mapping of keys")
+    document = read_mapping(file, "job")
     known = _machines(document.data)
     for change in changes:
         flag, path, value = change_of(f"--set {change}", change)
@@ -268,11 +265,7 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         notes = (f"{name} is called {RENAMED[name]} now: nothing drives in echelon", *notes)
     if document.data.get("format") != FORMAT:
         raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
-    keys, errors = validate(JobKeys, document.data, (), document)
-    if errors:
-        errors[0].others = tuple(errors[1:])
-        raise errors[0]
-    assert isinstance(keys, JobKeys)
+    keys: JobKeys = checked(JobKeys, document)
     job = JobFile(**vars(replace(keys, name=keys.name or file.stem)))
     if not job.combines:
         raise document.error(("combines",), None, "expected at least one combine")

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from swath.documents.json_file import json_safe, read_object, write_json
-from swath.documents.validation import validate
+from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, Place
 from swath.judge.evaluation import Evaluation, incident
 from swath.judge.windows import FIELD
@@ -141,9 +141,7 @@ def make_summary(
 def read_summary(file: Path, key: str = "RUN") -> dict[str, Any]:
     """A summary.json. InputError: with this key where it is none, else with the key in it that is wrong."""
     data = read_object(file, key, "a summary.json")
-    _, errors = validate(_Summary, data, (), Document(data, file, {(): Place(str(file))}, kind="summary"))
-    if errors:
-        raise errors[0]
+    checked(_Summary, Document(data, file, {(): Place(str(file))}, kind="summary"))
     return data
 
 

@@ -14,7 +14,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.documents import j1939
-from swath.documents.validation import known_keys, unknown_key, validate
+from swath.documents.validation import checked, known_keys, unknown_key
 from swath.documents.yaml_document import Document
 from swath.link.can import guidance
 from swath.link.can.bus import CLAIM, Message, Node
@@ -126,9 +126,7 @@ def make_law(
     given = {"overlap_m": overlap} if overlap is not None and "overlap_m" in known else {}
     params = None
     if found.params is not None:
-        params, errors = validate(found.params, {**given, **keys}, ("law_keys",), Document(None))
-        if errors:
-            raise errors[0]
+        params = checked(found.params, Document(None), {**given, **keys}, ("law_keys",))
     law = _made(found, level, params, replace(setup, period=period / NS))
     if missing := [p.name for p in law.inputs if p.name not in ("edge", "odometry") and not p.optional]:
         raise InputError("law", level, f"expected edge and odometry to be enough, it needs {missing[0]}")

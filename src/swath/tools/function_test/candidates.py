@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from swath.core.errors import InputError
-from swath.documents.yaml_document import read_document
+from swath.documents.yaml_document import read_mapping
 from swath.tools.function_test.files import from_beside
 
 MOST = 1000  # candidates: the scenarios of all are read before the first run
@@ -23,9 +23,8 @@ def read_candidates(path: Path | None) -> Mapping[str, Sequence[str]]:
     if ".py:" in path.name:
         part = from_beside(path.name, path.parent)
         return {SHIPPED: (), path.name.rpartition(":")[2]: [f"{EVERY}.edge.level={json.dumps(part)}"]}
-    document = read_document(path)
-    document.kind = "candidates"
-    if not isinstance(document.data, dict) or not document.data:
+    document = read_mapping(path, "candidates")
+    if not document.data:
         raise document.error((), None, "expected names, each with scenario keys and values")
     if len(document.data) > MOST:
         raise document.error((), len(document.data), f"expected at most {MOST} candidates")

@@ -20,8 +20,8 @@ from pydantic import Field
 from swath.core.errors import InputError
 from swath.core.process.shell import command
 from swath.core.random import Stream
-from swath.documents.validation import near_miss, validate
-from swath.documents.yaml_document import Document, read_document
+from swath.documents.validation import checked, near_miss
+from swath.documents.yaml_document import Document, read_mapping
 from swath.runtime.met import check_quantities
 from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
@@ -242,18 +242,12 @@ def _draw(varied: Varied, rng: np.random.Generator) -> Scalar:
 
 def read_case(path: Path) -> Case:
     """A case file. Raises InputError with key, value, file and line; its `others` are what else is wrong."""
-    document = read_document(path)
-    document.kind = "test case"
-    if not isinstance(document.data, dict):
-        raise document.error((), None, "expected a mapping of keys")
+    document = read_mapping(path, "test case")
     if (written := document.data.get("format")) != FORMAT:
         command = READ_BY.get(written) if isinstance(written, str) else None
         expected = f"expected a test case; this file is for: {command}" if command else f"expected `{FORMAT}`"
         raise document.error(("format",), written, expected)
-    made, errors = validate(CaseFile, document.data, (), document)
-    if errors:
-        raise errors[0]
-    case = Case(path.stem, made, document)
+    case = Case(path.stem, checked(CaseFile, document), document)
     runs = case.grid_size * len(case.seeds)
     if runs > MOST_RUNS:
         raise document.error(("vary",), runs, f"expected at most {MOST_RUNS} runs, values by seeds")

@@ -21,7 +21,7 @@ import swath
 from swath.core.errors import InputError
 from swath.core.foreign_code import Gate, through
 from swath.documents.contents import file_hash, hashes_by_path, with_contents
-from swath.documents.validation import validate
+from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, parse_value
 from swath.scenario.overrides import change_of, layered, says_about
 from swath.scenario.scenario import Scenario, load_scenario
@@ -247,9 +247,7 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
         expected = "expected results of this version of swath; `swath test report` still shows these"
         raise InputError("plan.json", data.get("code"), expected)
     keys = {f.name: data[f.name] for f in fields(Plan) if f.name in data}
-    wrong = validate(Plan, keys, (), Document(data, Path("plan.json"), kind="plan"))[1]
-    if wrong:
-        raise wrong[0]
+    checked(Plan, Document(data, Path("plan.json"), kind="plan"), keys)
     points = tuple((seed, point) for seed, point in data.get("points", ()))
     return Plan(**{**keys, "tags": tuple(data["tags"]), "sets": tuple(data["sets"]), "points": points})
 

@@ -21,7 +21,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.documents.validation import known_keys, near_miss, unknown_key, validate
+from swath.documents.validation import checked, known_keys, near_miss, unknown_key
 from swath.documents.yaml_document import Document
 from swath.field.crop_sheet import load_crop
 from swath.field.field import Field
@@ -269,10 +269,7 @@ def make_params(settings: Settings, level: str, values: dict[str, Any]) -> Any:
     kind = CATALOGUE.registry.get("lidar", level, base=settings.base).params
     known = known_keys(kind)
     data = values | {k: v for k, v in settings.sets.items() if k in known}
-    params, errors = validate(kind, data, (), Document(data))
-    if errors:
-        raise errors[0]
-    return params
+    return checked(kind, Document(data))
 
 
 def _choose_levels(settings: Settings, height: float) -> tuple[tuple[str, ...], tuple[str, ...]]:

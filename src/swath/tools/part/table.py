@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swath.core.component import Port
-from swath.core.errors import InputError
+from swath.core.errors import InputError, raise_all
 from swath.core.files.whole_file import write_whole
 from swath.core.schedule import NS
 from swath.documents.text_file import text_lines
@@ -98,7 +98,7 @@ def _check_head(head: Sequence[str], part: IsolatedPart, path: Path) -> list[tup
                     unit = f" [{field.unit}]" if field.unit else ""
                     text = f"the column is missing: {field.quantity.meaning}{unit}"
                     errors.append(_wrong(path, part.column(output, field.name), text))
-    _raise_all(errors)
+    raise_all(errors)
     return [(name, known.get(name)) for name in head]
 
 
@@ -144,7 +144,7 @@ def _rows(
                 raise InputError(error.key, error.value, error.expected, file=path, line=line) from error
             found.append(Arrival(now, output, sample))
         yield now, found
-    _raise_all(errors)
+    raise_all(errors)
 
 
 def _wrong(path: Path, name: str, expected: str) -> InputError:
@@ -163,9 +163,3 @@ def _written(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return " ".join(repr(float(v)) for v in value.ravel()) or "[]"
     return str(value).lower() if isinstance(value, bool | np.bool_) else repr(float(value))
-
-
-def _raise_all(errors: list[InputError]) -> None:
-    if errors:
-        errors[0].others = tuple(errors[1:])
-        raise errors[0]

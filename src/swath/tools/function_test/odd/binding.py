@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from swath.core.errors import InputError
-from swath.documents.validation import near_miss, validate
+from swath.documents.validation import checked, near_miss
 from swath.documents.yaml_document import Document, dump, read_document
 from swath.runtime.met import QUANTITIES, check_quantities
 from swath.signals import F64
@@ -254,10 +254,7 @@ class Odd:
     @cached_property
     def case(self) -> Case:
         """The same, checked. InputError for limits that are none."""
-        made, errors = validate(CaseFile, self.case_data(), (), self.document)
-        if errors:
-            raise errors[0]
-        return Case(self.name, made, self.document)
+        return Case(self.name, checked(CaseFile, self.document, self.case_data()), self.document)
 
     def case_text(self) -> str:
         """The case as a file."""
@@ -300,9 +297,7 @@ def read_odd(path: Path) -> Odd:
         given = document.data.get("format") if isinstance(document.data, dict) else None
         expected = f"expected `{FORMAT}`, a binding of OpenODD documents to scenario keys"
         raise document.error(("format",), given, expected)
-    made, errors = validate(OddFile, document.data, (), document)
-    if errors:
-        raise errors[0]
+    made: OddFile = checked(OddFile, document)
     _check_requirements(made, document)
     units = {name: bound.unit for name, bound in made.attributes.items()}
     domain = read_domain([path.parent / file for file in made.openodd], units)
