@@ -15,13 +15,14 @@ from swath.field.stand import maps, uniform
 from swath.rays.engine import RayCaster
 from swath.sensing.mount import Mount
 from swath.sensing.radar import error, ideal
-from swath.sensing.radar.cross_section import rod, trihedral
-from swath.sensing.radar.error import Echo, Scatterers, detection_probability, glint, merged
+from swath.sensing.radar.cross_section import rod
+from swath.sensing.radar.error import Echo, Scatterers, glint, merged
 from swath.sensing.radar.radar_sheet import LIGHT, load_radar
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE
 from tests.sensing.driven_states import circle, feed, rolling, straight
+from tests.sensing.swerling import detection_probability
 
 CORNER, FRONT, LOW = (load_radar(f"radar-{n}") for n in ("77ghz-corner", "77ghz-front", "24ghz"))
 BARE = maps.Params(stems_per_m2=1)
@@ -53,11 +54,6 @@ def made(module, obstacles, *, stand=BARE, sheet=None, seed=1, **params):
 
 def looks(sensor, count=4, way=None):
     return feed(sensor, way or straight(0.0), count, step=50_000_000)
-
-
-@pytest.mark.parametrize(("frequency", "dbsm"), [(24.125e9, 4.33), (76.5e9, 14.36)])
-def test_corner_reflector(frequency, dbsm):
-    assert trihedral(0.1, LIGHT / frequency) == pytest.approx(dbsm, abs=0.01)
 
 
 def test_twelve_db_per_doubling_of_the_distance():

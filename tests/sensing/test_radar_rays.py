@@ -22,11 +22,12 @@ from swath.sensing.radar.detector import (
     thresholds,
     window,
 )
-from swath.sensing.radar.error import detection_probability, merged
+from swath.sensing.radar.error import merged
 from swath.sensing.radar.rays import Clutter
 from swath.sensing.radar.solid_rays import distances, facing
 from swath.sensing.radar.stand_loss import BIN, DB, StandLoss
 from tests.sensing.driven_states import circle, feed, state, straight
+from tests.sensing.swerling import detection_probability
 from tests.sensing.test_radar import AT, BARE, CORNER, field_of, looks, made, seen, setup_of
 
 NO_CLUTTER = {"crop_reflectivity_db": -60.0, "ground_reflectivity_db": -60.0}

@@ -140,13 +140,16 @@ def test_wrong_fixes_come_as_often_and_stay_as_long_as_said(heard, share):
         wrong_percent=2.0, wrong_shaded=10.0, wrong_s=20.0, fix_min_s=0.1, fix_mean_s=0.1, losses_per_h=3600.0
     )
     rng, states, wrong = np.random.default_rng(1), machine_of(times, FLOAT), 0.0
+    fixes = wrongs = 0
     for _ in range(40_000):
-        states.step(0.1, heard, tuple(rng.random(3)))
+        before = states.quality
+        is_new = states.step(0.1, heard, tuple(rng.random(3))) == FIX != before
         wrong += 0.1 * states.is_wrong
-    assert states.fix_count > 500
-    sd = math.sqrt(share * (1.0 - share) / states.fix_count)
-    assert states.wrong_count / states.fix_count == pytest.approx(share, abs=3.5 * sd)
-    assert wrong / states.wrong_count == pytest.approx(20.0, rel=3.5 / math.sqrt(states.wrong_count))
+        fixes, wrongs = fixes + is_new, wrongs + (is_new and states.is_wrong)
+    assert fixes > 500
+    sd = math.sqrt(share * (1.0 - share) / fixes)
+    assert wrongs / fixes == pytest.approx(share, abs=3.5 * sd)
+    assert wrong / wrongs == pytest.approx(20.0, rel=3.5 / math.sqrt(wrongs))
 
 
 def sky(obstacles=(), **params):

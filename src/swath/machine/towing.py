@@ -7,7 +7,7 @@ radius R of the machine's axle with the pin h behind it the trailer's axle runs 
 
 from math import atan, atan2, cos, exp, hypot, sin, tan
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import KeepsState, Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.field.site_setup import SiteSetup
@@ -109,21 +109,6 @@ def ports_of(towed: Towed | None) -> tuple[Port, ...]:
     """What a level of motion gives: the machine's state, and that of its trailer."""
     state = Port("state", MachineState)
     return (state,) if towed is None else (state, Port("trailer", TrailerState))
-
-
-def tow(towed: Towed | None, inputs: Inputs, x: float, y: float, yaw: float) -> None:
-    """A machine that drove on to a place [m] and heading [rad] pulls its trailer. InputError in reverse."""
-    if towed is not None:
-        refuse_reverse(inputs["speed"].speed)
-        towed.carry(inputs.get("cargo"))
-        towed.follow(x, y, yaw)
-
-
-def with_trailer(towed: Towed | None, state: MachineState, yaw: float) -> Outputs:
-    """The outputs of a level of motion. yaw: of the machine [rad]."""
-    if towed is None:
-        return {"state": state}
-    return {"state": state, "trailer": towed.state(state.t, state.pose, yaw)}
 
 
 def refuse_reverse(wanted: float) -> None:

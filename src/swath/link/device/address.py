@@ -15,7 +15,6 @@ from swath.core.foreign_code import need_named
 from swath.documents.validation import unknown_key
 
 LOOPBACK = "127.0.0.1"
-TRANSPORTS = ("tcp", "udp", "pty")
 
 
 @dataclass(frozen=True)

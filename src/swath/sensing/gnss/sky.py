@@ -180,9 +180,9 @@ class Heard(NamedTuple):
 
 
 class FixStates(KeepsState):
-    """quality: by number, as in FIX_QUALITIES; is_wrong: a fix on wrong ambiguities; wrong_count: so far."""
+    """quality: by number, as in FIX_QUALITIES; is_wrong: a fix on wrong ambiguities."""
 
-    kept = ("quality", "is_wrong", "wrong_count", "fix_count", "_heard", "_floats", "_wait")
+    kept = ("quality", "is_wrong", "_heard", "_floats", "_wait")
 
     def __init__(self, times: Times, best: int = FIX) -> None:
         self._times, self._best = times, best
@@ -191,7 +191,6 @@ class FixStates(KeepsState):
     def reset(self, quality: int = NONE) -> None:
         """From this quality on."""
         self.quality, self.is_wrong = min(quality, self._best), False
-        self.wrong_count = self.fix_count = 0
         self._heard = 0.0 if quality == NONE else float("inf")  # time with four satellites
         self._floats = 0.0  # time with a float solution
         self._wait = float("inf")  # time of it until the fix
@@ -238,8 +237,6 @@ class FixStates(KeepsState):
         is_shaded = heard.carriers < 8 or heard.hdop > 2.0
         share = min(t.wrong_percent / 100.0 * (t.wrong_shaded if is_shaded else 1.0), 1.0)
         self.is_wrong = draw < share
-        self.fix_count += 1
-        self.wrong_count += self.is_wrong
         self.quality = FIX
 
     def _go(self, quality: int) -> int:

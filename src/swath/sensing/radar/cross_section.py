@@ -18,11 +18,6 @@ LEAST = -60.0  # dBsm of what shows nothing
 BANDS = 50e9  # cross sections of sheets at 24 GHz hold below, those at 77 GHz above [Hz]
 
 
-def trihedral(edge: float, wavelength: float) -> float:
-    """Corner reflector of three triangles with inner edges [m], along its axis [dBsm]: 4 pi a^4 / (3 l^2)."""
-    return 10.0 * log10(4.0 * pi * edge**4 / (3.0 * wavelength**2))
-
-
 def rod(radius: float, length: float, distance: float, wavelength: float) -> float:
     """A rod seen square to its middle [m2].
 

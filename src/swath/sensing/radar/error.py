@@ -295,13 +295,6 @@ class ErrorRadar(IdealRadar):
         return rows
 
 
-def detection_probability(snr: F64 | float, false_alarm: float) -> F64:
-    """Of one look at a target that fluctuates as Swerling 1. snr: mean, linear."""
-    from swath.core.portable import power
-
-    return power(false_alarm, 1.0 / (1.0 + np.asarray(snr)))
-
-
 def deviation(snr: float, cell: float, floor: float) -> float:
     """Standard deviation in the unit of a resolution cell. snr: linear."""
     return cell / sqrt(2.0 * snr) + floor

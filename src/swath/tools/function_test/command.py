@@ -1,7 +1,6 @@
 """`swath test`: list, run, search, levels, estimate, plan-field, work, report, compare, again."""
 
 import argparse
-import os
 from collections import Counter
 from contextlib import nullcontext
 from dataclasses import replace
@@ -17,7 +16,7 @@ from swath.terminal.tables import add_json
 from swath.tools.function_test import cheaper_command
 from swath.tools.function_test.estimate import command as estimate_command
 from swath.tools.function_test.field_plan import command as field_plan
-from swath.tools.function_test.progress import CLUSTER, engine, progress
+from swath.tools.function_test.progress import add_engine, engine, progress
 from swath.tools.function_test.search import command as search_command
 
 PLACE = "many", 0  # among all commands
@@ -56,8 +55,7 @@ def add(parsers: Any) -> None:
         choices=("empirical", "plants"),
     )
     option(run, "--shadow", "the first candidate steers, the others only see its scans (open loop)")
-    option(run, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
-    option(run, "--cluster WHERE", CLUSTER, "")
+    add_engine(run)
     option(run, "--plan-only", "write the plan only, for swath test work")
     run.set_defaults(run=_run)
     search_command.add(verbs)

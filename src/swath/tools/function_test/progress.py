@@ -1,12 +1,21 @@
 """What the commands that do runs have in common: a bar over the runs, and where they are done."""
 
+import os
 import sys
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from swath.terminal.options import option
+
 LINES = 10  # of progress where there is no terminal
-CLUSTER = "run on dask workers: local, slurm, or the address of a scheduler"
+
+
+def add_engine(parser: ArgumentParser) -> None:
+    """`--workers N` and `--cluster WHERE`: where runs are done, see `engine`."""
+    option(parser, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
+    option(parser, "--cluster WHERE", "run on dask workers: local, slurm, or the address of a scheduler", "")
 
 
 @contextmanager

@@ -17,13 +17,12 @@ LATEST_S = 1e12  # beyond every clock: 30,000 years
 @dataclass(frozen=True)
 class PoseTrack:
     """Poses of a machine, sorted by time. time [s], (m,); position (m, 3) [m]; angle (m, 3): roll, pitch, yaw
-    [rad], without jumps. dropped_count: rows that were not finite or had a time twice.
+    [rad], without jumps.
     """
 
     time: Array
     position: Array
     angle: Array
-    dropped_count: int = 0
 
     def at(self, time: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Positions (n, 3), rotations (n, 3, 3) at times, linear in between, and where the track knows.
@@ -75,4 +74,4 @@ def make_track(time: Any, position: Any, angle: Any) -> PoseTrack:
         raise InputError("poses", len(index), "expected at least two finite poses at different times")
     turn = angle[index]
     turn = turn[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(turn, axis=0))]), axis=0)
-    return PoseTrack(time[index], position[index], turn, len(time) - len(index))
+    return PoseTrack(time[index], position[index], turn)

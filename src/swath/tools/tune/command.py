@@ -1,12 +1,11 @@
 """`swath tune`: tune numbers and choices of a scenario in cases, and prove them in others."""
 
 import argparse
-import os
 from math import isfinite
 from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
-from swath.tools.function_test.progress import CLUSTER, engine, progress
+from swath.tools.function_test.progress import add_engine, engine, progress
 
 PLACE = "many", 1  # among all commands
 _DESCRIPTION = """Tune numbers and choices of a scenario in cases; the winner is judged by runs with other
@@ -30,8 +29,7 @@ def add(parsers: Any) -> None:
     option(parser, "--level", "LiDAR level, as in swath test run", "", choices=("empirical", "plants"))
     option(parser, "--seed N", "seed of the draws", 1)
     add_folder(parser, "tuning", text="folder of the results; the same command goes on", alone=False)
-    option(parser, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
-    option(parser, "--cluster WHERE", CLUSTER, "")
+    add_engine(parser)
     parser.set_defaults(run=_tune)
 
 

@@ -2,12 +2,11 @@
 
 import argparse
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
-from swath.tools.function_test.progress import CLUSTER, engine, progress
+from swath.tools.function_test.progress import add_engine, engine, progress
 
 SUMMARY = "summary.json"
 
@@ -35,8 +34,7 @@ def add(verbs: Any) -> None:
     option(estimate, "--cheap-budget N", "runs of the cheap search (default: as --budget)", type=int)
     option(estimate, "--at-most P", "judge: the probability is at most this", type=float)
     option(estimate, "--draw-seed N", "seed of the random points", 1)
-    option(estimate, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
-    option(estimate, "--cluster WHERE", CLUSTER, "")
+    add_engine(estimate)
     estimate.set_defaults(run=_estimate)
 
 

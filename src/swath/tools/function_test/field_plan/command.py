@@ -1,13 +1,12 @@
 """`swath test plan-field`: real passes that narrow most how far a simulation may be off."""
 
 import argparse
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
-from swath.tools.function_test.progress import CLUSTER, engine, progress
+from swath.tools.function_test.progress import add_engine, engine, progress
 
 
 def add(verbs: Any) -> None:
@@ -27,8 +26,7 @@ def add(verbs: Any) -> None:
     add_sets(plan, "of every scenario")
     option(plan, "--seed N", "seed of the draws", 1)
     add_folder(plan, "plan of the field", text="folder of the results", alone=False)
-    option(plan, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
-    option(plan, "--cluster WHERE", CLUSTER, "")
+    add_engine(plan)
     plan.set_defaults(run=_plan)
 
 

@@ -1,12 +1,11 @@
 """`swath test search`: the boundary of failure of a case."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
-from swath.tools.function_test.progress import CLUSTER, engine, progress
+from swath.tools.function_test.progress import add_engine, engine, progress
 
 
 def add(verbs: Any) -> None:
@@ -21,8 +20,7 @@ def add(verbs: Any) -> None:
     option(search, "--batch N", "runs per round", 4)
     add_sets(search, "of every scenario")
     option(search, "--check DIR", "other results of the case, to check the boundary against", type=Path)
-    option(search, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
-    option(search, "--cluster WHERE", CLUSTER, "")
+    add_engine(search)
     search.set_defaults(run=_search)
 
 
