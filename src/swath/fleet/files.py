@@ -265,8 +265,8 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         notes = (f"{name} is called {RENAMED[name]} now: nothing drives in echelon", *notes)
     if document.data.get("format") != FORMAT:
         raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
-    keys: JobKeys = checked(JobKeys, document)
-    job = JobFile(**vars(replace(keys, name=keys.name or file.stem)))
+    found: JobKeys = checked(JobKeys, document)
+    job = JobFile(**vars(replace(found, name=found.name or file.stem)))
     if not job.combines:
         raise document.error(("combines",), None, "expected at least one combine")
     given = [bool(job.field.boundary_m), job.field.file is not None, job.field.log is not None]
