@@ -19,8 +19,9 @@ def watch():
 def test_quality_and_losses_by_organ():
     judge = watch()
     for k in range(1, 11):
-        lost = {"threshing_loss": 0.01, "separation_loss": 0.2, "cleaning_loss": 0.04}
-        load = MachineLoad(k * NS, tank_grain=19.75 * k, grain_flow=19.75, **lost, **ZEROS)
+        lost = {"threshing_loss": 0.01, "separation_loss": 0.2, "cleaning_loss": 0.04, "loss_share": 0.0125}
+        flows = {"drum_flow": 30.0, "straw_flow": 12.0 if k > 3 else 0.0}  # nothing has left before that
+        load = MachineLoad(k * NS, tank_grain=19.75 * k, grain_flow=19.75, **lost, **{**ZEROS, **flows})
         judge.see("combine.process", k * NS, {"load": load})
         assert judge.metrics() == {}
     judge.see("combine.process", NS, {"organs": OrganLoads(NS, tank_broken=1.975, tank_mog=0.79)})

@@ -26,8 +26,10 @@ class Chart:
     unit: str
     curves: tuple[Curve, ...]
     of_header: bool = False
+    least: int = 1  # curves, below which it says no more than another chart
 
 
+LOSSES = "Grain lost"
 CHARTS = (
     Chart("Edge", "cm", (
         Curve("lateral_error_m", "header end off its line", 100.0),
@@ -46,6 +48,11 @@ CHARTS = (
         Curve("loss_share", "grain lost", 100.0),
         Curve("tank_level", "tank", 100.0),
     )),
+    Chart(LOSSES, "kg/s", (
+        Curve("threshing_loss_kg_s", "unthreshed"),
+        Curve("separation_loss_kg_s", "lost in the straw"),
+        Curve("cleaning_loss_kg_s", "lost in the chaff"),
+    ), least=2),
     Chart("Header", "cm", (Curve("knife_height_m", "knife above ground", 100.0),), of_header=True),
     Chart("Header use", "%", (Curve("header_fill", "share of the width", 100.0),), of_header=True),
     Chart("Steering", "°", (Curve("steer_rad", "wheel angle", 57.29578),)),
@@ -64,7 +71,7 @@ def shown_charts(columns: Columns, *, cuts: bool, is_live: bool = False) -> list
             continue
         there = [c for c in chart.curves if c.column in columns]
         curves = [vars(c) for c in there if is_live or _says_something(columns[c.column])]
-        if curves:
+        if len(curves) >= chart.least:
             found.append({"title": chart.title, "unit": chart.unit, "curves": curves})
     return found
 

@@ -19,11 +19,12 @@ from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
-from swath.record.charts import shown_charts
+from swath.record.charts import LOSSES, shown_charts
 from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import SHOWN_ROWS
 from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure, silhouette
+from swath.report.flow import FlowSampler, flow_figure
 from swath.report.html import Figure
 from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
 from swath.runtime.hooks import ActiveRun, RunHook
@@ -39,6 +40,10 @@ SHOWN = 4
 ABOUT_DRIVING = (
     "Loss: share of the grain in the crop that leaves the machine. Above an engine load of 100 % the engine "
     "loses speed."
+)
+ABOUT_FLOW = (
+    "Widths are masses, over the whole run; what is still inside at its end is missing at the right. Below: "
+    "grain that leaves the machine with straw and chaff."
 )
 
 
@@ -177,6 +182,7 @@ class MachineReport:
     scans: by scanner slot, from `ScanSampler.pick`, the newest last
     edge: initial, (k, 2) world [m]
     pictures: by camera slot, from `PictureSampler.pick`
+    flow: what went through it
     """
 
     machine: RecordedMachine
@@ -186,6 +192,7 @@ class MachineReport:
     scans: Mapping[str, Sequence[KeptScan]] = field(default_factory=dict)
     edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
     pictures: Mapping[str, Sequence[KeptPicture]] = field(default_factory=dict)
+    flow: FlowSampler | None = None
 
 
 @dataclass
@@ -221,10 +228,11 @@ def collect(
     tracks: Mapping[str, Mapping[str, Any]],
     scenario: Scenario | None = None,
     pictures: Mapping[str, PictureSampler] | None = None,
+    flows: Mapping[str, FlowSampler] | None = None,
 ) -> ReportData:
     """The data of a report after a run.
 
-    samplers, tracks, pictures: by machine; scenario: to print, or the world's
+    samplers, tracks, pictures, flows: by machine; scenario: to print, or the world's
     """
     scenario = world.scenario if scenario is None else scenario
     measured = summary.get("machines", {})
@@ -234,6 +242,7 @@ def collect(
     for own in machines:
         if pictures is not None:
             own.pictures = pictures[own.machine.name].pick()
+        own.flow = (flows or {}).get(own.machine.name)
     moved = [m for m in machines if len(m.tracks["t_s"])]
     unloading = evaluation.find(FIELD, Unloading)
     picture = None
@@ -307,12 +316,14 @@ class ReportWriter(RunHook):
     def begin(self, run: ActiveRun) -> None:
         """Keep some scans of every machine on the way."""
         self._run = run
-        self._samplers, self._pictures = {}, {}
+        self._samplers, self._pictures, self._flows = {}, {}, {}
         for name, machine in run.evaluation.machines.items():
             detection = run.evaluation.find(name, EdgeDetection)
             assert detection is not None
             self._samplers[name] = ScanSampler(machine, partial(_true_offset, detection))
             run.observers.insert(run.observers.index(run.recorder), self._samplers[name])
+            self._flows[name] = FlowSampler(machine)
+            run.observers.append(self._flows[name])
             self._pictures[name] = PictureSampler(machine)
             if run.world.machines[name].slots_of("camera"):
                 run.observers.append(self._pictures[name])
@@ -325,8 +336,9 @@ class ReportWriter(RunHook):
         of = self._of or FinishedRun(run.out, summary, run.world.scenario)
         tracks = {name: tracks.arrays(most=SHOWN_ROWS) for name, tracks in run.recorder.tracks.items()}
         data = collect(
-            of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures
-        )
+            of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures,
+            self._flows,
+        )  # fmt: skip
         write_report(of.folder, data)
 
 
@@ -365,6 +377,9 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[Figure]:
     for slot, pictures in own.pictures.items():
         yield _pictures(slot, pictures, alone=len(own.pictures) == 1)
     if len(own.tracks.get("t_s", ())) > 1:
+        if own.flow is not None and own.flow.shows:
+            image = plots.as_image(flow_figure(own.flow, own.tracks))
+            yield Figure("Flow through the machine", image, ABOUT_FLOW)
         yield from _drive(own)
 
 
@@ -453,7 +468,8 @@ def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> Fig
 
 
 def _drive(own: MachineReport) -> Iterator[Figure]:
-    """The curves of its tracks, but for those of the edge, which have a figure of their own."""
-    charts = [c for c in shown_charts(own.tracks, cuts=own.path is not None) if c["title"] != "Edge"]
+    """The curves of its tracks, but for those that have a figure of their own."""
+    shown = shown_charts(own.tracks, cuts=own.path is not None)
+    charts = [c for c in shown if c["title"] not in ("Edge", LOSSES)]
     if charts:
         yield Figure("Driving", plots.as_image(plots.curves_figure({"": own.tracks}, charts)), ABOUT_DRIVING)

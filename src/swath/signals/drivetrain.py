@@ -35,9 +35,15 @@ class MachineLoad(Signal, about=About(track_order=8)):
     ] = 0.0
     return_flow: Annotated[float, Quantity("kg/s", "back to the drum")] = 0.0
     unload_flow: Annotated[float, Quantity("kg/s", "out of the tank")] = 0.0
-    threshing_loss: Annotated[float, Quantity("kg/s", "unthreshed grain over the rear")] = 0.0
-    separation_loss: Annotated[float, Quantity("kg/s", "grain in the straw over the rear")] = 0.0
-    cleaning_loss: Annotated[float, Quantity("kg/s", "grain in the chaff over the rear")] = 0.0
+    threshing_loss: Annotated[
+        float, Quantity("kg/s", "unthreshed grain over the rear", column="threshing_loss_kg_s")
+    ] = 0.0
+    separation_loss: Annotated[
+        float, Quantity("kg/s", "grain in the straw over the rear", column="separation_loss_kg_s")
+    ] = 0.0
+    cleaning_loss: Annotated[
+        float, Quantity("kg/s", "grain in the chaff over the rear", column="cleaning_loss_kg_s")
+    ] = 0.0
     loss_share: Annotated[
         float,
         Quantity(

@@ -1,11 +1,10 @@
 """What is in the tank beside whole grain, what each organ of a combine loses, and whether it blocks."""
 
 from collections.abc import Sequence
-from math import fsum
 
 import numpy as np
 
-from swath.core.blocks import Seen
+from swath.core.blocks import Block, Seen
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric, added_up
@@ -25,12 +24,13 @@ class GrainQuality(Later):
                "broken grain", is_windowed=False),
         Metric("tank_mog_percent", "%", "material other than grain that came into the tank, over the grain",
                GROUP, "lower", "beside grain in the tank", is_windowed=False),
-        Metric("threshing_loss_percent", "%", "unthreshed grain over the rear, of the grain that left",
-               GROUP, "lower", "lost by threshing", is_windowed=False),
-        Metric("separation_loss_percent", "%", "free grain in the straw, of the grain that left", GROUP,
-               "lower", "lost by separation", is_windowed=False),
-        Metric("cleaning_loss_percent", "%", "grain over the shoe's rear, of the grain that left", GROUP,
-               "lower", "lost by cleaning", is_windowed=False),
+        Metric("threshing_loss_percent", "%", "unthreshed grain over the rear, of the grain in the crop "
+               "that leaves, mean weighted by the flow", GROUP, "lower", "lost by threshing",
+               is_windowed=False),
+        Metric("separation_loss_percent", "%", "free grain in the straw, of the same", GROUP, "lower",
+               "lost by separation", is_windowed=False),
+        Metric("cleaning_loss_percent", "%", "grain over the shoe's rear, of the same", GROUP, "lower",
+               "lost by cleaning", is_windowed=False),
     )  # fmt: skip
     EVENTS = ("blockage",)
 
@@ -39,8 +39,7 @@ class GrainQuality(Later):
         self._state: MachineState | None = None
         self._organs: OrganLoads | None = None
         self._load: MachineLoad | None = None
-        self._lost = dict.fromkeys(LOSSES, 0.0)  # sums of flows [kg/s]
-        self._stored = 0.0
+        self._lost, self._weight = dict.fromkeys(LOSSES, 0.0), 0.0  # shares times flow, and flow
         self._events: list[Event] = []
         self._is_blocked = False
 
@@ -51,8 +50,7 @@ class GrainQuality(Later):
             self._state = states.sample(-1)
         if loads is not None:
             self._load = loads.sample(-1)
-            self._lost = {name: added_up(total, loads[name]) for name, total in self._lost.items()}
-            self._stored = added_up(self._stored, loads["grain_flow"])
+            self._weigh(loads)
         if organs is not None:
             self._organs = organs.sample(-1)
             for t, share in zip(organs["t"].tolist(), (organs["blockage"] >= 1.0).tolist(), strict=True):
@@ -66,13 +64,23 @@ class GrainQuality(Later):
             return {}
         gain, o = self._load.tank_gain, self._organs
         found = {"broken_percent": o.tank_broken / gain, "tank_mog_percent": o.tank_mog / gain}
-        left = fsum((self._stored, *self._lost.values()))
-        found |= {f"{name}_percent": lost / left for name, lost in self._lost.items()}
+        if self._weight > 0.0:
+            found |= {f"{name}_percent": lost / self._weight for name, lost in self._lost.items()}
         return {name: 100.0 * share for name, share in found.items()}
 
     def events(self) -> Sequence[Event]:
         """Where it blocked."""
         return self._events
+
+    def _weigh(self, loads: Block) -> None:
+        """Add the losses of the crop that leaves, by what is in the drum, each its part of `loss_share`."""
+        leaves = loads["straw_flow"] > 0.0
+        first, second, third = flows = [loads[name][leaves] for name in LOSSES]
+        lost, weight = first + second + third, loads["drum_flow"][leaves]
+        share = weight * loads["loss_share"][leaves] / np.where(lost > 0.0, lost, 1.0)
+        self._weight = added_up(self._weight, weight)
+        for name, flow in zip(LOSSES, flows, strict=True):
+            self._lost[name] = added_up(self._lost[name], flow * share)
 
     def _note(self, t: int) -> None:
         name, state = self.setup.name, self._state
