@@ -411,9 +411,9 @@ def tune(
 
     some = [cases] if isinstance(cases, str | Path) else cases
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
-    told = tuple(as_text(key, said) for key, said in params.items())
+    ranges = tuple(as_text(key, said) for key, said in params.items())
     asked = Tune(
-        tuple(map(source_of, some)), told, tuple(aims), tuple(map(source_of, prove)), tries, each, proof,
+        tuple(map(source_of, some)), ranges, tuple(aims), tuple(map(source_of, prove)), tries, each, proof,
         tuple(texts), level, seed,
     )  # fmt: skip
     choices = [f"choice={choice}" for parameter in asked.parameters for choice in parameter.choices]
@@ -659,20 +659,20 @@ def _sendable(entry: Any) -> Any:
 
 def _scenario_of(entry: Any, code: bool) -> tuple[Scenario, Any]:
     """The scenario of an entry, and its folder. Raises InputError."""
-    told = entry if isinstance(entry, Mapping) else {"scenario": entry}
-    for key in told:
+    given = entry if isinstance(entry, Mapping) else {"scenario": entry}
+    for key in given:
         if key not in _KEYS:
             raise InputError(f"entry.{key}", None, unknown_key(key, _KEYS))
-    if "scenario" not in told:
+    if "scenario" not in given:
         raise InputError("entry.scenario", None, "expected a name, a file or a scenario, the key is missing")
-    source, sets, seed = told["scenario"], told.get("sets", ()), told.get("seed")
+    source, sets, seed = given["scenario"], given.get("sets", ()), given.get("seed")
     if isinstance(source, _Read):
         with through(source.gate):
             source = read_scenario(Document(dict(source.plain), source.file))
     if isinstance(source, Scenario):
         _check_alone(sets, seed)
-        return source, told.get("out")
-    return load_scenario(source, sets=sets, seed=seed, code=code), told.get("out")
+        return source, given.get("out")
+    return load_scenario(source, sets=sets, seed=seed, code=code), given.get("out")
 
 
 def _pages() -> list[Any]:

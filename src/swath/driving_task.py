@@ -71,9 +71,9 @@ class Commands(KeepsRows):
         return self._samples(t + dt)
 
     def _samples(self, t: int) -> dict[str, Samples]:
-        first, told = self.parts[0], np.array([part.value for part in self.parts])
-        more = {name: np.full(len(told), value) for name, value in first.more.items()}
-        return {"command": Samples(first.kind, t, {first.field: told, **more})}
+        first, values = self.parts[0], np.array([part.value for part in self.parts])
+        more = {name: np.full(len(values), value) for name, value in first.more.items()}
+        return {"command": Samples(first.kind, t, {first.field: values, **more})}
 
 
 @dataclass
@@ -174,15 +174,15 @@ class Task:
 
         InputError for what is no finite number, or of another shape.
         """
-        told, count = np.asarray(actions, dtype=float), shape[-1]
+        values, count = np.asarray(actions, dtype=float), shape[-1]
         if len(shape) == 1:
-            told = told.reshape(-1)
-        if told.shape != shape or not np.isfinite(told).all():
+            values = values.reshape(-1)
+        if values.shape != shape or not np.isfinite(values).all():
             each = f" for each of {shape[0]} environments" if len(shape) > 1 else ""
             expected = f"expected {count} finite number{'s' * (count > 1)}{each}"
             raise InputError("action", actions, expected)
-        cut: np.ndarray = np.clip(told, -1.0, 1.0)
-        if not self._has_warned and (far := float(np.abs(told - cut).max())) > OUTSIDE:
+        cut: np.ndarray = np.clip(values, -1.0, 1.0)
+        if not self._has_warned and (far := float(np.abs(values - cut).max())) > OUTSIDE:
             self._has_warned = True
             logger.warn(
                 f"an action lies {far:.3g} outside its space, -1 to 1, and is cut, as all such from now on: "
@@ -194,9 +194,9 @@ class Task:
         """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each."""
         found = np.zeros((len(wanted), len(OBSERVED)))
         if edge is not None:
-            told = [np.broadcast_to(field_of(edge, name), len(wanted)) for name in OF_EDGE]
-            offset, confidence = told[0], told[3]
-            found[:, : len(OF_EDGE)] = np.transpose([offset - wanted, *told[1:]])
+            columns = [np.broadcast_to(field_of(edge, name), len(wanted)) for name in OF_EDGE]
+            offset, confidence = columns[0], columns[3]
+            found[:, : len(OF_EDGE)] = np.transpose([offset - wanted, *columns[1:]])
             found[~((confidence > 0.0) & np.isfinite(offset)), : len(OF_EDGE)] = 0.0
         if odometry is not None:
             for k, name in enumerate(OF_ODOMETRY, len(OF_EDGE)):

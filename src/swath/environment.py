@@ -117,8 +117,8 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         number or not one for each axis of the space; what is out of it is cut, the first time with a warning
         of gymnasium.
         """
-        told = self.task.checked(action, self.action_space.shape)
-        _, reward, terminated, truncated, infos = self._one.go(told[None])
+        actions = self.task.checked(action, self.action_space.shape)
+        _, reward, terminated, truncated, infos = self._one.go(actions[None])
         return self._one.one(0), float(reward[0]), bool(terminated[0]), bool(truncated[0]), taken(infos, 0)
 
     def render(self) -> np.ndarray | None:

@@ -136,7 +136,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         """Drive all for one period, as `Env.step`; environments that were over before begin anew."""
         return self.go(self.task.checked(actions, self.action_space.shape))
 
-    def go(self, told: np.ndarray) -> tuple[Seen, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def go(self, actions: np.ndarray) -> tuple[Seen, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """As `step`, with actions that are within the space."""
         over = self._terminated | self._truncated
         if not self._cohorts and not over.any():
@@ -144,7 +144,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         self._reward[:] = 0.0
         infos: dict[str, Any] = {}
         for cohort in self._cohorts:
-            self._drive(cohort, told, infos)
+            self._drive(cohort, actions, infos)
         self._retire()
         if self.mode is AutoresetMode.NEXT_STEP:
             self._begin(np.flatnonzero(over), [None] * self.num_envs, infos)
@@ -200,9 +200,9 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
             self.driven[index] = driven[-1]
         for group in groups_in_step([each.world for each in driven]):
             self._join(which[group], [driven[k] for k in group])
-        told = np.zeros(self.num_envs, np.int64) if "seed" not in infos else infos["seed"]
-        told[which] = [each.seed for each in driven]
-        infos["seed"], infos["_seed"] = told, self._mask(infos, "seed", which)
+        driven_seeds = np.zeros(self.num_envs, np.int64) if "seed" not in infos else infos["seed"]
+        driven_seeds[which] = [each.seed for each in driven]
+        infos["seed"], infos["_seed"] = driven_seeds, self._mask(infos, "seed", which)
 
     def _join(self, which: np.ndarray, driven: list[Driven]) -> None:
         """A cohort of these environments."""
@@ -231,10 +231,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         del self._spare[:count]
         self._cohorts = [cohort for cohort in self._cohorts if cohort.worlds.lockstep.going]
 
-    def _drive(self, cohort: _Cohort, told: np.ndarray, infos: dict[str, Any]) -> None:
+    def _drive(self, cohort: _Cohort, actions: np.ndarray, infos: dict[str, Any]) -> None:
         worlds, lockstep = cohort.worlds, cohort.worlds.lockstep
         begin = lockstep.t
-        for driven, action in zip(cohort.driven, told[cohort.members].tolist(), strict=True):
+        for driven, action in zip(cohort.driven, actions[cohort.members].tolist(), strict=True):
             driven.tell(action)
         latest = round(cohort.driven[0].world.scenario.run.max_duration_s * NS)
         until = min(begin + self.task.period, latest)
@@ -281,8 +281,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         """Note what worlds of a cohort see."""
         task, members, seen = self.task, cohort.members[which], self._seen
         newest = cohort.worlds.lockstep.newest
-        told = (newest((f"{task.machine}.{name}", name)) for name in ("edge", "odometry"))
-        edge, odometry = (None if sent is None else sent.all for sent in told)
+        samples = (newest((f"{task.machine}.{name}", name)) for name in ("edge", "odometry"))
+        edge, odometry = (None if sent is None else sent.all for sent in samples)
         seen["values"][members] = task.values_of(edge, odometry, cohort.wanted)[which]
         if task.lidar and (scan := newest((task.lidar, "scan"))) is not None:
             seen["scan"][members] = scan_of(scan.all.arrays["ranges"][which])

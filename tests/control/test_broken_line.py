@@ -24,7 +24,7 @@ def broken(rng, *, bend, since, wrong, turn=0.0):
     c, s = np.cos(turn), np.sin(turn)
     rows = np.column_stack([c * x - s * u, s * x + c * u, np.full(len(x), NOISE**2), way + 20.0])
     at = c * place[0] - s * place[1], s * place[0] + c * place[1], place[2] + turn
-    return rows, Arc(*at, 0.05, way=20.0), angle[-1] + turn
+    return rows, Arc(*at, 0.05, distance=20.0), angle[-1] + turn
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -58,7 +58,9 @@ def test_it_turns_and_mirrors_with_the_plane():
     assert turned.covariance == pytest.approx(arc.covariance)
     rows, track, _ = broken(np.random.default_rng(9), **drawn)
     rows[:, 1] *= -1.0
-    mirrored, _ = carried_on(rows, Arc(track.x, -track.u, -track.angle, -track.bend, way=track.way), 1e-4)
+    mirrored, _ = carried_on(
+        rows, Arc(track.x, -track.u, -track.angle, -track.bend, distance=track.distance), 1e-4
+    )
     assert (mirrored.u, mirrored.angle, mirrored.bend) == pytest.approx((-arc.u, -arc.angle, -arc.bend))
 
 

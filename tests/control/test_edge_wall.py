@@ -84,7 +84,7 @@ def test_what_was_seen_of_a_bend_lies_at_its_wall_once_the_edge_has_turned():
     assert np.abs(beside_bend(points.rows[begun], 15.0)).max() < 0.005
     assert not len(walls.moves(angle))
     track.retrace(float(moves[:, 0].min()), points.rows, 0.0)
-    assert track.arc.way == pytest.approx(points.rows[-1, 3], abs=0.5)
+    assert track.arc.distance == pytest.approx(points.rows[-1, 3], abs=0.5)
 
 
 def test_along_an_edge_that_goes_straight_on_no_point_is_moved():
@@ -182,6 +182,6 @@ def test_a_track_goes_along_the_points_that_a_line_left_out():
         track.accept(0.0, 1e-4)
     assert abs(track.arc.u - rows[-1][1]) > 0.5
     track.retrace(6.2, np.array(rows), 0.0)
-    assert track.arc.way == pytest.approx(10.0)
+    assert track.arc.distance == pytest.approx(10.0)
     assert np.hypot(track.arc.x - rows[-1][0], track.arc.u - rows[-1][1]) < 0.05
     assert track.arc.angle == pytest.approx(-4.0 / 13.0, abs=0.1)

@@ -45,7 +45,7 @@ def driven(segments, seconds, **more):
     found, near = [], 0.0
     for _, x, y, _, _ in rows:
         beside = line.project(x, y, near)
-        near = beside.way
+        near = beside.distance
         found.append(beside)
     return np.array(found), rows, guidance
 
@@ -63,7 +63,7 @@ def test_a_line_is_projected_on_and_bends_as_its_circle():
             r = 20.0 - aside
             found = line.project(r * math.sin(angle), 20.0 - r * math.cos(angle), 20.0 * angle)
             assert found.left == pytest.approx(aside, abs=1e-3)
-            assert found.way == pytest.approx(20.0 * angle, abs=0.02)
+            assert found.distance == pytest.approx(20.0 * angle, abs=0.02)
         assert line.heading(20.0 * angle) == pytest.approx(angle, abs=1e-4)
         assert line.curvature(20.0 * angle, 1.0) == pytest.approx(0.05, abs=1e-6)
     assert max(abs(line.curvature(way, 0.5) - 0.05) for way in (1.0, 50.0, 120.0)) < 1e-6

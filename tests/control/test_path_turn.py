@@ -22,7 +22,7 @@ def farthest(rows, line):
     way, errors = None, []
     for _, x, y, *_ in rows:
         found = line.project(x, y, way, 8.0)
-        way = found.way
+        way = found.distance
         if way > RUN:
             errors.append(abs(found.left))
     return float(np.max(errors))

@@ -14,7 +14,7 @@ def saw(depth, period, *, length=20.0, radius=np.inf):
     x = np.arange(-length, 0.01, 0.4)
     u = depth * (x / period % 1.0) + 0.5 * np.maximum(x + 5.0, 0.0) ** 2 / radius
     rows = np.column_stack([x, u, np.full(len(x), 1e-4), x + length])
-    return rows, Arc(float(x[-1]), float(u[-1]), 5.0 / radius, 0.0, way=length)
+    return rows, Arc(float(x[-1]), float(u[-1]), 5.0 / radius, 0.0, distance=length)
 
 
 @pytest.mark.parametrize(("depth", "period"), [(0.4, 4.0), (0.6, 5.0)])

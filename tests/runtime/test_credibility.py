@@ -243,7 +243,7 @@ def test_what_changes_while_a_run_goes_is_watched():
     (note,) = watch.untold()
     assert "rain_mm_h" in note
     assert "cutting_height_m 0.15 to 0.6 m" in note
-    told = watch.told()
+    told = watch.entries()
     assert told["slots"]["combine.lidar"]["level"] == "empirical"
     assert told["slots"]["combine.lidar"]["state"] == OUTSIDE  # stands that lean by 40 deg
 
@@ -273,7 +273,7 @@ def test_every_slot_says_of_every_attribute_inside_outside_or_not_checked(monkey
             watch.see(
                 "combine.motion", k * NS, {"state": MachineState(k * NS, at, 2.0, 0.0, 0.0, 0.0, 2.0 * k)}
             )
-        return watch.told(), list(watch.untold())
+        return watch.entries(), list(watch.untold())
 
     for name, quantity in QUANTITIES.items():
         for slot in (s for s, choice in machine.slots.items() if choice.kind.name in quantity.touches):

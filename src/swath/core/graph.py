@@ -173,10 +173,10 @@ class Graph:
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved moment. Components are reset first, so that each knows its random stream."""
-        told = self.observers, self.watches, self.follows
+        watching = self.observers, self.watches, self.follows
         self.observers, self.watches, self.follows = [], {}, {}
         self.reset()
-        self.observers, self.watches, self.follows = told
+        self.observers, self.watches, self.follows = watching
         for node in self.nodes:
             node.component.load(state["components"][node.slot.name])
             if node.fault is not None:
@@ -269,9 +269,9 @@ class _Rank:
 
     def reasons(self, going: Sequence[int], t: int) -> Mapping[int, str]:
         """Why worlds are to end before the tick at t [ns]."""
-        told: Any = self.batch
-        if len(self.parts) > 1 and isinstance(told, EndsWorlds):
-            return {w: f"{self.name}: {told.reasons[w]}" for w in going if told.reasons.get(w)}
+        batch: Any = self.batch
+        if len(self.parts) > 1 and isinstance(batch, EndsWorlds):
+            return {w: f"{self.name}: {batch.reasons[w]}" for w in going if batch.reasons.get(w)}
         parts: Sequence[Any] = self.parts
         found = ((world, parts[world].end_reason(t)) for world in going)
         return {world: f"{self.name}: {reason}" for world, reason in found if reason}

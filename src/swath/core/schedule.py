@@ -52,7 +52,7 @@ class Plan:
 
     @cached_property
     def _begun(self) -> tuple[tuple[int, tuple[int, ...], int], ...]:
-        """The ticks, each with the time [ns] after which all that is due then has begun."""
+        """The ticks, each with the largest offset [ns] of its slots: later, all of them have begun."""
         return tuple((at, due, max(self.slots[i].offset for i in due)) for at, due in self.ticks)
 
 

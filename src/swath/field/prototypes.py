@@ -216,8 +216,8 @@ def _boxes_meet(pieces: _Pieces, item: Ints, middle: Array, box: Array) -> NDArr
 
     A capsule is its axis grown by the radius, a ribbon a flat parallelogram with half edges e1 and e2.
     Axes: the ribbon's normal, and the cross products of its edges with those of the box. The box's own
-    normals say nothing more: the boxes were chosen by the bounds of the primitive. What one axis tells
-    apart is not looked at on the next.
+    normals say nothing more: the boxes were chosen by the bounds of the primitive. Boxes that one
+    axis separates are not tried on the next.
     """
     e1, e2 = (0.5 * (pieces.b - pieces.a)).T.copy(), pieces.half.T.copy()
     normal = np.cross(e1, e2, axis=0)
@@ -419,9 +419,10 @@ def _places(
 
 
 def _plant_of(stem: Ints, stems: int, plants: int) -> Ints:
-    """The plant of each stem 0..stems - 1. All have as many; those that have one more lie even among them.
+    """The plant that each stem 0..stems - 1 belongs to.
 
-    Plants are numbered along the rows: were the first to have the rest, the last rows of a tile were thin.
+    Every plant has stems // plants stems. The remaining ones go to plants at equal distances: plants are
+    numbered along the rows, so giving them to the first plants would leave the last rows of a tile thin.
     """
     whole = stems // plants * plants
     rest = max(stems - whole, 1)

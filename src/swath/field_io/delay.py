@@ -43,9 +43,12 @@ SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in 
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of a machine's flow [s], nan = not known; agreement: correlation of neighbour passes with it,
-    nan = they say nothing.
+    """Delay of a machine's flow.
 
+    seconds: the delay [s], nan = not known
+    method: what it was found by
+    agreement: correlation of the yields of neighbouring passes at this delay, nan = they say nothing
+    pair_count: pairs of records that were compared
     error: standard error of the delay [s], nan = not known
     """
 
@@ -86,7 +89,7 @@ def _later(log: Log, values: Array, seconds: Array | float) -> Array:
 
 
 def _clock(log: Log) -> tuple[Array, Indices, Indices]:
-    """Time [s] with far more between stretches than within; first and last record of each one's stretch."""
+    """A clock [s] on which stretches lie far apart, and of each record the first and last of its stretch."""
     gap = log.gap
     block = np.cumsum(gap) - 1
     first = np.flatnonzero(gap)
@@ -169,7 +172,7 @@ def _joined(
 def _of_passes(
     log: Log, first: Indices, second: Indices, is_opposite: NDArray[np.bool_]
 ) -> list[list[tuple[Estimate, float]]]:
-    """Of each machine its delay and the correlation of its passes there, in each band that shows it."""
+    """For each machine: its delay and the correlation of its passes at it, from each band that shows them."""
     count = len(log.machine_names)
     found: list[list[tuple[Estimate, float]]] = [[] for _ in range(count)]
     kinds = np.stack([log.machine[first], log.machine[second], is_opposite.astype(np.int64)], axis=1)
@@ -207,8 +210,9 @@ def _of_passes(
 
 
 def _solved(rows: Array, shown: list[Estimate]) -> list[Estimate | None]:
-    """Delays of which rows, shape (shown, delays), times them are shown; None where none follows, or what
-    is shown disagrees.
+    """The delays that solve `rows @ delays = shown` best, rows (shown, delays).
+
+    None for a delay that the rows leave open, and for all where what is shown disagrees.
     """
     value, error = (np.array([getattr(part, key) for part in shown]) for key in ("value", "error"))
     inverse = np.linalg.pinv(rows / error[:, None])
@@ -223,8 +227,10 @@ def _solved(rows: Array, shown: list[Estimate]) -> list[Estimate | None]:
 def _shown(
     log: Log, local: list[Array], first: Indices, second: Indices, short: float, *, is_opposite: bool
 ) -> tuple[Estimate, float] | None:
-    """The shift at which pairs agree best, of the first forwards, of the second as much, backwards where both
-    go in one direction; and their correlation. None without a clear peak, or of few passes.
+    """The shift at which the yields of pairs agree best, and their correlation there.
+
+    The first of a pair is shifted forwards; the second likewise where the two passes run in opposite
+    directions, else backwards. None without a clear peak, or of few passes.
     """
     part = _passes(log)[first]
     passes, part = np.unique(part, return_inverse=True)
@@ -286,7 +292,10 @@ def _passes(log: Log) -> Indices:
 
 
 def _local(log: Log, flow: Array, short: int, long: int) -> Array:
-    """Yield of a band, log of it over what it is around, shape (n,). short, long: of the band, in records."""
+    """Logarithm of the yield over the mean yield around it, shape (n,).
+
+    short, long: records over which the yield and the mean around it are smoothed
+    """
     known = np.isfinite(flow)
     area_rate = np.maximum(log.speed, 0.5) * np.maximum(log.width, 1.0)
     value = np.where(known, np.log(np.clip(np.where(known, flow, 1.0) / area_rate, 0.01, 5.0)), 0.0)
@@ -295,7 +304,7 @@ def _local(log: Log, flow: Array, short: int, long: int) -> Array:
 
 
 def _sums(a: Array, b: Array, part: Indices) -> Array:
-    """Sums of both yields' product, of their squares, and pairs, shape (4, PARTS of the pairs)."""
+    """Sums of a b, a a, b b and the number of pairs in each of PARTS parts of the pairs, shape (4, PARTS)."""
     both = np.isfinite(a) & np.isfinite(b)
     a, b = np.where(both, a, 0.0), np.where(both, b, 0.0)
     return np.array([np.bincount(part, v, minlength=PARTS) for v in (a * b, a * a, b * b, both)])
@@ -318,7 +327,7 @@ def _usual(flow: Array) -> float:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Records with flow between such without.
+    """Consecutive records with flow, with records without flow before and after.
 
     rise, fall: when it begins and ends [s], nan = the log does not show it
     forward: of the machine, in the middle [s], shape (2,)
@@ -331,8 +340,11 @@ class _Stretch:
 
 
 def _of_turns(log: Log, own: Indices) -> list[tuple[Estimate, str]]:
-    """Delay of a machine by its turns: where its flow ends and begins on one line at each end of the field;
-    else, where the log ends at the turns, by how long after its records the flow begins, or before them ends.
+    """Delay of a machine by its turns.
+
+    At each end of the field the flow ends and begins on one line; the delay is what brings both onto it.
+    Where the log has no records of the turns: the time from the first record of a stretch to the begin of its
+    flow, or from the end of its flow to the last record.
     """
     clock, first, last = _clock(log)
     position, begun, ended = log.position[own], clock[first][own], clock[last][own]
@@ -372,7 +384,7 @@ def _at(clock: Array, position: Array, time: Array) -> Array:
 
 
 def _middle(values: Array) -> Estimate:
-    """Median, and its standard error by the spread about it, which few values show too small."""
+    """Median, and its standard error from the spread about it, corrected for few values."""
     middle = float(np.median(values))
     spread = 1.4826 * float(np.median(np.abs(values - middle)))
     return Estimate(middle, 1.2533 * spread / np.sqrt(max(len(values) - 1, 1)))
@@ -397,7 +409,7 @@ def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
 
 
 def _ramp(clock: Array, flow: Array, first: int, last: int) -> float:
-    """When the flow of first to last begins, in the mean of its grain [s]; nan: no record shows it."""
+    """When the flow of the records first to last begins [s]: the middle of its rise, nan = not recorded."""
     begun, full, more = np.searchsorted(clock, clock[first] + FILLING * np.array([-1.0, 1.0, 3.0]))
     level = float(flow[full : min(more, last)].mean()) if full < min(more, last) else 0.0
     low = np.flatnonzero(flow[begun:first] < 0.1 * level)

@@ -32,10 +32,10 @@ BACKLOG = 256  # messages that wait for a client, of which the oldest go first
 
 @dataclass
 class Channel:
-    """A topic. told: as clients read of it; latched: its newest message, with its time [ns]."""
+    """A topic. described: as clients read of it; latched: its newest message, with its time [ns]."""
 
     number: int
-    told: Mapping[str, Any]
+    described: Mapping[str, Any]
     latched: tuple[int, bytes] | None = None
 
 
@@ -157,7 +157,7 @@ class Foxglove(RunHook):
         try:
             with self._lock:
                 self._greet(client)
-                client.tell("advertise", channels=[c.told for c in self._channels.values()])
+                client.tell("advertise", channels=[c.described for c in self._channels.values()])
                 self._clients.append(client)
             for message in connection:
                 with suppress(ValueError, LookupError, TypeError, RecursionError, struct.error):  # nonsense
@@ -169,16 +169,16 @@ class Foxglove(RunHook):
                 self._clients.remove(client)
             client.close()
 
-    def _hear(self, client: Client, told: Mapping[str, Any]) -> None:
+    def _hear(self, client: Client, request: Mapping[str, Any]) -> None:
         """Take what a client wants from now on; what is latched it gets at once."""
         with self._lock:
             known = {channel.number: channel for channel in self._channels.values()}
-            if told["op"] == "subscribe":
-                for each in told["subscriptions"]:
+            if request["op"] == "subscribe":
+                for each in request["subscriptions"]:
                     channel = known[each["channelId"]]
                     client.wanted[channel.number] = struct.pack("<BI", 1, each["id"])
                     if channel.latched is not None:
                         client.send(channel, *channel.latched)
-            elif told["op"] == "unsubscribe":
-                gone = [struct.pack("<BI", 1, number) for number in told["subscriptionIds"]]
+            elif request["op"] == "unsubscribe":
+                gone = [struct.pack("<BI", 1, number) for number in request["subscriptionIds"]]
                 client.wanted = {n: head for n, head in client.wanted.items() if head not in gone}

@@ -113,7 +113,7 @@ def _lines(scenario: str, default_lines: Collection[int]) -> Html:
 
 
 def _limits(rows: Sequence[Mapping[str, str]]) -> Table:
-    """Columns that no limit fills are left out."""
+    """The table of limits, without columns that are empty in every row."""
     heads = {
         "subject": "of", "name": "metric or column", "value": "value", "result": "", "limit": "limit",
         "window": "window", "error": "level may be off by", "reason": "",
@@ -186,7 +186,7 @@ def _credibility(summary: Mapping[str, Any]) -> list[Table | str]:
 
 
 def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Machine, metrics, numbers by tag of all that they rest on alike, and those that matter most."""
+    """Rows: machine, metrics with the same inputs, these inputs counted by tag, and the most influential."""
     alike: dict[tuple[str, str, str], list[str]] = {}
     for machine, metrics in summary.get("inputs", {}).items():
         for name, told in metrics.items():

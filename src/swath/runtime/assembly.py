@@ -311,14 +311,14 @@ def _body(section: MachineSection, site: _Site) -> MachineBody | None:
 
 def _told_mountings(place: _Place, slot: str, part: Any) -> dict[str, Pose]:
     """Where a sensor sits and its optical frame, as control and recording know them."""
-    choice, told = place.section.slots[slot], {}
+    choice, mountings = place.section.slots[slot], {}
     if choice.common.mount_error:
         part = choice.make(_setup(place, slot, choice))
     if isinstance(part, HasMounting) and isinstance(part.mounting, Pose):
-        told[slot] = part.mounting
+        mountings[slot] = part.mounting
     if isinstance(part, HasOpticalFrame):
-        told[slot + OPTICAL_FRAME] = part.optical
-    return told
+        mountings[slot + OPTICAL_FRAME] = part.optical
+    return mountings
 
 
 def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[str, tuple[str, str]]]:

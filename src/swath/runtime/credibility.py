@@ -202,7 +202,7 @@ class Credibility(SeesAll):
         """None of its own."""
         return {}
 
-    def told(self) -> dict[str, Any]:
+    def entries(self) -> dict[str, Any]:
         """As it stands in summary.json: `slots` with a declared range, and the others as `undeclared`; by
         slot the quantities that are `not_checked` there, and what was `met` of these, by machine.
         """
@@ -265,7 +265,7 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
     """Put `credibility` into a summary, and into its limits what they rest on that was outside
     (`rests_outside`) and how far off their metric may be (`level_error`). Returns notes.
     """
-    summary[SUMMARY] = watch.told()
+    summary[SUMMARY] = watch.entries()
     outside = outside_of(summary)
     errors = _errors(watch.scene.world)
     controls = _controls(watch.scene.world)
@@ -280,7 +280,7 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
         if found := [(n, e) for n, e in errors if n in slots and e.metric == entry["name"]]:
             slot, error = max(found, key=lambda pair: pair[1].size)
             entry["level_error"] = {"size": error.size, "slot": slot, "against": error.against}
-    notes = [f"{name}: {why_outside(told)}" for name, told in outside.items()] + [*watch.untold()]
+    notes = [f"{name}: {why_outside(entry)}" for name, entry in outside.items()] + [*watch.untold()]
     if doubtful:
         notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
     return notes
@@ -305,10 +305,10 @@ def outside_of(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
-def why_outside(told: Mapping[str, Any]) -> str:
+def why_outside(entry: Mapping[str, Any]) -> str:
     """Reason why a slot of `outside_of` is outside, in words."""
-    what = [f"{q['quantity']} {span(q['met'])}, checked {span(q['checked'])}" for q in told["quantities"]]
-    return f"outside the range in which level {told['level']} was checked: {'; '.join(what)}"
+    what = [f"{q['quantity']} {span(q['met'])}, checked {span(q['checked'])}" for q in entry["quantities"]]
+    return f"outside the range in which level {entry['level']} was checked: {'; '.join(what)}"
 
 
 def rests_on(world: World, catalogue: EvaluatorCatalogue, subject: str, name: str) -> set[str]:

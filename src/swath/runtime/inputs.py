@@ -30,9 +30,9 @@ def inputs_of(world: World, evaluation: Any) -> dict[str, Any]:
     """By machine and metric `numbers`, a count by tag of each source, and those that `matter_most`."""
     found = {}
     for machine in world.machines.values():
-        told = dict(_of_machine(world, evaluation, machine))
-        if told:
-            found[machine.name] = told
+        entry = dict(_of_machine(world, evaluation, machine))
+        if entry:
+            found[machine.name] = entry
     return found
 
 

@@ -231,8 +231,8 @@ class MetHook(RunHook):
         """`met`: columns t_s, distance_m and one for each quantity; null for nan."""
         names = ("t_s", "distance_m", *self._names)
         columns = zip(*self._rows, strict=True) if self._rows else [() for _ in names]
-        told = {n: [None if v != v else v for v in c] for n, c in zip(names, columns, strict=True)}
-        return {SUMMARY: told}
+        series = {n: [None if v != v else v for v in c] for n, c in zip(names, columns, strict=True)}
+        return {SUMMARY: series}
 
 
 def _rounded(value: float) -> float:

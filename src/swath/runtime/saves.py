@@ -96,8 +96,8 @@ class Saves(RunHook):
         """How many there are, how large, and what they cost."""
         if self.refused:
             return {"saves": {"refused": self.refused}}
-        told = {"count": self._count, "kept": len(self.times), "bytes": self._bytes, "cpu_s": self._cost_s}
-        return {"saves": told}
+        entry = {"count": self._count, "kept": len(self.times), "bytes": self._bytes, "cpu_s": self._cost_s}
+        return {"saves": entry}
 
     def _before_tick(self, t: int) -> None:
         if t > self._due and not self.refused:

@@ -97,9 +97,9 @@ class Machine:
 
     def coverage(self) -> dict[str, float]:
         """`unmeasured_beam_share` of a machine that replays measured scans, nothing of any other."""
-        told = [part for part in self.all_parts if isinstance(part, CountsBeams)]
-        beams = sum(part.beam_count for part in told)
-        return {"unmeasured_beam_share": sum(p.unmeasured_count for p in told) / beams} if beams else {}
+        counting = [part for part in self.all_parts if isinstance(part, CountsBeams)]
+        beams = sum(part.beam_count for part in counting)
+        return {"unmeasured_beam_share": sum(p.unmeasured_count for p in counting) / beams} if beams else {}
 
     @property
     def notes(self) -> list[str]:

@@ -30,8 +30,9 @@ def apply_overrides(
     flags: further changes, by the flag that stands for them: {"--seed 3": "seed=3"}.
     Their order does not matter: what holds for more comes first, a section before its level, a level before
     its parameters. Two that say different things about a key are an error.
-    Choosing another level drops the parameters that only the level before it knew; where that one cannot be
-    had, all that the new one does not know. InputError for a key inside a machine that is not there.
+    Choosing another level drops the parameters that only the former level knew; where the former level cannot
+    be loaded, it drops every parameter that the new one does not know.
+    InputError for a key inside a machine that is not there.
     """
     changes = [change_of(flag, text) for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]]
     for number, change in enumerate(changes):
@@ -103,7 +104,7 @@ def says_about(text: str, key: str) -> bool:
 
 
 def _stated(value: Any, path: KeyPath) -> tuple[Any, ...]:
-    """What a value says about a key inside it, as a tuple of one; an empty one where it says nothing."""
+    """The value that a section gives to a key inside it, in a tuple; () where it does not set that key."""
     for depth, part in enumerate(path):
         if isinstance(value, dict):
             if part not in value:

@@ -65,7 +65,9 @@ class Weather:
         return (self.extinction_per_m or 0.0) + rain_extinction(self.rain_mm_h or 0.0, self.law)
 
     def under(self, weather: SiteWeather | None, t: int, wavelength: float) -> Self:
-        """What is before the sensor at a time of the run [ns], nothing left open; fog counts as dust.
+        """The air before the sensor at a time of the run [ns]: what is left open is the site's weather.
+
+        Fog dims light as dust does, so its extinction is added to that of the dust.
 
         wavelength: [m]
         """
@@ -230,7 +232,7 @@ def receive(bundle: Bundle, receiver: Receiver) -> Echoes:
 
 
 class _Launches(threading.local):
-    """Compiled, with the numbers that they read; each thread has its own."""
+    """The compiled kernels, each with the arrays that it reads its numbers from; every thread has its own."""
 
     @cached_property
     def receive(self) -> tuple[NDArray[np.int64], F64, Callable[[], Any]]:

@@ -21,12 +21,12 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     from swath.scenario.slots import CATALOGUE
 
     known = CATALOGUE.judged(evaluators).metrics
-    machines, told = summary.get("machines", {}), summary.get("credibility", {})
+    machines, credibility = summary.get("machines", {}), summary.get("credibility", {})
     for name, metrics in machines.items():
         own = [e for e in summary["expect"] if e["subject"] == name]
-        table(name, COLUMNS, _rows(known, metrics, own, told))
+        table(name, COLUMNS, _rows(known, metrics, own, credibility))
     rest = [e for e in summary.get("expect", []) if e["subject"] not in machines]
-    table("field and run" if machines else "", COLUMNS, _rows(known, summary, rest, told))
+    table("field and run" if machines else "", COLUMNS, _rows(known, summary, rest, credibility))
     if summary.get("incomplete"):
         print("incomplete: the run was stopped before its end")
     for entry in summary.get("expect", []):
@@ -94,7 +94,7 @@ def incident_text(event: Mapping[str, Any]) -> str:
 
 
 def _rows(
-    known: Mapping[str, Any], metrics: Mapping[str, Any], expect: list[Any], told: Mapping[str, Any]
+    known: Mapping[str, Any], metrics: Mapping[str, Any], expect: list[Any], credibility: Mapping[str, Any]
 ) -> list[tuple[str, ...]]:
     """A row for every metric that says something and every limit; what does not pass first.
 
@@ -105,10 +105,10 @@ def _rows(
     ----------
     known : metrics by name.
     metrics, expect : values and limits of a machine or of the field.
-    told : `credibility` of the summary; what a level was given is no result.
+    credibility : `credibility` of the summary; what a level was given is no result.
     """
     rows = []
-    errors, given = told.get("level_errors", {}), told.get("given", ())
+    errors, given = credibility.get("level_errors", {}), credibility.get("given", ())
     for name in dict.fromkeys([*known, *(e["name"] for e in expect)]):
         own = [e for e in expect if e["name"] == name]
         metric = known.get(name)

@@ -1,9 +1,9 @@
 """The edge as an arc that grows with the travel: where it will be a little further ahead.
 
 All in a frame at rest on the ground, (x, u), which dead reckoning keeps. The state is a point of the arc, its
-angle and its bend; a Kalman filter over the way along the arc takes one block after another. What it was some
-blocks ago is kept: where an edge breaks off, the blocks just before the break were already wrong, and the
-track goes back behind them.
+angle and its bend; a Kalman filter over the distance along the arc takes one block after another. Earlier
+states are kept: where an edge breaks off, the blocks just before the break were already wrong, and the track
+goes back behind them.
 """
 
 from collections import deque
@@ -32,7 +32,7 @@ _ONE = np.eye(3)
 class Arc:
     """A point [m] of the edge, its angle [rad] and bend [1/m], their covariance (beside, angle, bend).
 
-    way: along the edge from where it was first seen [m]
+    distance: along the edge from where it was first seen [m]
     unseen: of it since the last block that fitted [m]
     """
 
@@ -41,23 +41,23 @@ class Arc:
     angle: float
     bend: float
     covariance: F64 = field(default_factory=lambda: np.diag([0.1**2, 0.15**2, 0.02**2]))
-    way: float = 0.0
+    distance: float = 0.0
     unseen: float = 0.0
 
-    def ahead(self, way: float, *, is_seen: bool = True) -> "Arc":
-        """The arc a way [m] further on. Unseen, its bend is taken to stay as it is."""
-        f = np.array([[1.0, way, 0.5 * way * way], [0.0, 1.0, way], [0.0, 0.0, 1.0]])
+    def ahead(self, distance: float, *, is_seen: bool = True) -> "Arc":
+        """The arc a distance [m] further on. Unseen, its bend is taken to stay as it is."""
+        f = np.array([[1.0, distance, 0.5 * distance * distance], [0.0, 1.0, distance], [0.0, 0.0, 1.0]])
         covariance = product(product(f, self.covariance), f.T)
-        step = abs(way)
+        step = abs(distance)
         covariance[0, 0] += 1e-5 * step
         if is_seen:
             covariance[1, 1] += ANGLE_STEP**2 * step
             covariance[2, 2] += BEND_STEP**2 * step
-        middle = self.angle + 0.5 * self.bend * way
-        x, u = self.x + way * np.cos(middle), self.u + way * np.sin(middle)
-        angle = self.angle + self.bend * way
-        unseen = self.unseen + max(way, 0.0)
-        return Arc(float(x), float(u), float(angle), self.bend, covariance, self.way + way, unseen)
+        middle = self.angle + 0.5 * self.bend * distance
+        x, u = self.x + distance * np.cos(middle), self.u + distance * np.sin(middle)
+        angle = self.angle + self.bend * distance
+        unseen = self.unseen + max(distance, 0.0)
+        return Arc(float(x), float(u), float(angle), self.bend, covariance, self.distance + distance, unseen)
 
     def corrected(self, beside: float, variance: float, *, turns: bool = True) -> "Arc":
         """After an edge was found `beside` it [m], with a variance [m2]. turns: of angle and bend, too."""
@@ -74,7 +74,7 @@ class Arc:
         x = self.x - float(move[0]) * np.sin(self.angle)
         u = self.u + float(move[0]) * np.cos(self.angle)
         bend = min(max(self.bend + float(move[2]), -MOST_BENT), MOST_BENT)
-        return Arc(float(x), float(u), float(self.angle + move[1]), bend, covariance, self.way, 0.0)
+        return Arc(float(x), float(u), float(self.angle + move[1]), bend, covariance, self.distance, 0.0)
 
     def beside(self, aside: float) -> tuple[float, float]:
         """A place x, u [m] beside its point [m]."""
@@ -108,34 +108,34 @@ class ArcTrack(Clears):
         self.arc = self.arc.corrected(beside, variance, turns=turns)
         self._past.append(self.arc)
 
-    def advance(self, way: float) -> None:
-        """The next block lies a way [m] further on."""
+    def advance(self, distance: float) -> None:
+        """The next block lies a distance [m] further on."""
         assert self.arc is not None
-        self.arc = self.arc.ahead(way, is_seen=self.arc.unseen < 2.0)
+        self.arc = self.arc.ahead(distance, is_seen=self.arc.unseen < 2.0)
 
-    def retrace(self, way: float, points: F64, noise: float) -> None:
-        """Back to before a way along the edge [m], and from there on along the points seen since.
+    def retrace(self, distance: float, points: F64, noise: float) -> None:
+        """Back to before a distance along the edge [m], and from there on along the points seen since.
 
-        points: of the edge so far, rows of x, u [m], variance [m2] and way along the edge [m]; noise: of
+        points: of the edge so far, rows of x, u [m], variance [m2] and distance along the edge [m]; noise: of
         all, beside that [m2]
         """
         assert self.arc is not None
-        now = self.arc.way
-        while len(self._past) > 1 and self._past[-1].way >= way:
+        now = self.arc.distance
+        while len(self._past) > 1 and self._past[-1].distance >= distance:
             self._past.pop()
         if not self._past:
             return
         arc = self._past[-1]
-        for x, u, variance, there in points[points[:, -1] > arc.way + SAME].tolist():
+        for x, u, variance, there in points[points[:, -1] > arc.distance + SAME].tolist():
             at = arc.frame(x, u, arc.angle)
             arc = arc.ahead(-at.x)
-            arc = replace(arc, way=there).corrected(-arc.frame(x, u, arc.angle).u, variance + noise)
+            arc = replace(arc, distance=there).corrected(-arc.frame(x, u, arc.angle).u, variance + noise)
             self._past.append(arc)
-        unseen = now - arc.way
+        unseen = now - arc.distance
         self.arc = replace(arc.ahead(unseen), unseen=unseen) if unseen > 0.0 else arc
 
-    def rewind(self, arc: Arc, way: float) -> None:
-        """Back to before a way along the edge [m], and on as an arc from where the last block fitted."""
-        while self._past and self._past[-1].way > way + SAME:
+    def rewind(self, arc: Arc, distance: float) -> None:
+        """Back to before a distance along the edge [m], and on as an arc from where the last block fitted."""
+        while self._past and self._past[-1].distance > distance + SAME:
             self._past.pop()
-        self.arc = replace(arc, unseen=arc.way - way)
+        self.arc = replace(arc, unseen=arc.distance - distance)

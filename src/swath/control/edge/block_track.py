@@ -19,14 +19,14 @@ from swath.control.edge.line.broken_line import carried_on
 from swath.control.edge.line.edge_breaks import LEAD, LEAST_GAIN, OUT, WIDEST, EdgeBreaks, is_sunken
 from swath.control.edge.line.edge_wall import JaggedWall, Wall, WallsBehind, place_along, wall_of
 from swath.control.edge.line.inner_edge import LONG
-from swath.control.edge.line.near_line import WAY, EdgePoints
+from swath.control.edge.line.near_line import DISTANCE, EdgePoints
 from swath.control.edge.line.ragged_line import bite_of, ragged_line
 from swath.control.edge.populations import Populations, crop_excess, overlap_of
 from swath.core.component import KeepsState
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
 BEGIN_GAIN = 20.0  # nat of two populations over one, at first
-GATE, WIDENING = 0.28, 0.025  # m, 1/m: + WIDENING times the square of the way unseen
+GATE, WIDENING = 0.28, 0.025  # m, 1/m: + WIDENING times the square of the distance unseen
 BLURRED, BROAD = 0.08, 0.5  # m, deviation of a block's edge in dust from which on the gate is as wide; m
 MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of rays that only crop stops
 HEIGHT = 0.85  # m, of a crop that was not seen yet
@@ -98,10 +98,10 @@ class BlockTrack(KeepsState):
         self.height, self.agreed, self.scatter = HEIGHT, 0.0, 0.0
         self.blank, self.followed = 0.0, 0
         self._is_broken = False  # the last blocks showed no standing edge near the track
-        # way, scatter and variance of the wall before its block
+        # distance, scatter and variance of the wall before its block
         self._scatters: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
         self.bite, self.turn_sd = 0.0, 0.0
-        self._bends = float("-inf")  # way along the edge [m] before which it says nothing of bites
+        self._bends = float("-inf")  # distance along the edge [m] before which it says nothing of bites
         self._lost: tuple[Arc, float] | None = None  # the track before, and how far back it was lost [m]
 
     def add(
@@ -252,15 +252,15 @@ class BlockTrack(KeepsState):
         self.track.advance(along)
         edge = self.track.arc
         assert edge is not None
-        self.points.add(*edge.beside(found.beside), found.variance, edge.way)
+        self.points.add(*edge.beside(found.beside), found.variance, edge.distance)
         own, noise = 0.0, self._noise
         if self._is_broken:  # what the track drifted by across the hole is not the edge's
-            self.points.found_again(edge.way)
+            self.points.found_again(edge.distance)
             own = float(edge.covariance[0, 0])
         is_dense, was_broken = self.populations.heights()[2] > DENSE, self._is_broken
         self._is_broken = is_dense and is_sunken(self._block, found, self.height)
         self.blank += min(1.0, self._block.travel / RAGGED_M) * (found.blank - self.blank)
-        self._scatters.append((edge.way, self.scatter, self.jagged.variance))
+        self._scatters.append((edge.distance, self.scatter, self.jagged.variance))
         more = max(0.0, found.beside**2 - found.variance - own)
         self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance + noise)
@@ -268,7 +268,7 @@ class BlockTrack(KeepsState):
         if not (was_broken or self._is_broken):
             self.jagged.add(wall, self._middle, angle, self._block.travel)
         if is_dense and not self.feet.spacing and isfinite(wall.along) and self.followed >= YOUNG:
-            self._walls.add(edge.way, edge.angle, wall.along - along)
+            self._walls.add(edge.distance, edge.angle, wall.along - along)
         self._smooth(heading)
         self._turn_away()
         self.agreed += 0.2 * (1.0 - self.agreed)
@@ -284,7 +284,7 @@ class BlockTrack(KeepsState):
         """Along an edge with bites the track goes on as their outer line."""
         arc = self.track.arc
         assert arc is not None
-        rows = self.points.rows[self.points.rows[:, WAY] >= self._bends]
+        rows = self.points.rows[self.points.rows[:, DISTANCE] >= self._bends]
         bite = max(bite_of(rows, arc), self.bite * (1.0 - self._block.travel / FADING))
         is_known = self.bite > 0.0 and bite > SHALLOW
         angle = abs(arc.angle - heading)
@@ -310,13 +310,15 @@ class BlockTrack(KeepsState):
     def _bend_away(self, found: Found) -> None:
         """What seemed bites may be the begin of a bend: from there on the track follows its blocks again."""
         arc, has_bites = self.track.arc, self.bite > 0.0 and not self._lodging.is_lodged
-        way = self._breaks.bends_away(found, arc.way, has_bites=has_bites) if arc is not None else None
-        if way is None:
+        distance = (
+            self._breaks.bends_away(found, arc.distance, has_bites=has_bites) if arc is not None else None
+        )
+        if distance is None:
             return
-        self.track.retrace(way, self.points.rows, self._noise)
-        self.bite, self._bends = 0.0, way
+        self.track.retrace(distance, self.points.rows, self._noise)
+        self.bite, self._bends = 0.0, distance
         self.jagged.clear()
-        while self._scatters and self._scatters[-1][0] >= way:
+        while self._scatters and self._scatters[-1][0] >= distance:
             _, self.scatter, _ = self._scatters.pop()
 
     def _miss(self, along: float, *, broke: bool) -> None:
@@ -346,16 +348,16 @@ class BlockTrack(KeepsState):
         if line is not None:
             self._step_to(arc, *line)
         elif self._breaks.inner.is_seen:
-            self.points.add(arc.x, arc.u, found.best**2, arc.way)
+            self.points.add(arc.x, arc.u, found.best**2, arc.distance)
 
     def _step_to(self, arc: Arc, beside: float, angle: float) -> None:
         """The edge stepped into the crop: `beside` the arc [m], at an angle to it [rad]."""
         rows = self._breaks.inner.rows
         self.points.doubt(float(rows[0, 4]))
-        for x, u, variance, way in rows[:, 1:].tolist():
-            self.points.add(x, u, variance, way)
+        for x, u, variance, distance in rows[:, 1:].tolist():
+            self.points.add(x, u, variance, distance)
         self.points.found_again(float(rows[0, 4]))
-        self.track.begin(Arc(*arc.beside(beside), arc.angle + angle, 0.0, way=arc.way))
+        self.track.begin(Arc(*arc.beside(beside), arc.angle + angle, 0.0, distance=arc.distance))
         self._is_broken = False
         self._breaks.stepped()
 
@@ -367,9 +369,9 @@ class BlockTrack(KeepsState):
             self.points.rows, self.track.arc, min(scatter for _, scatter, _ in self._scatters)
         )
         self.track.rewind(arc, last)
-        way = last + SAME
-        self.points.doubt(way)
-        while self._scatters and self._scatters[-1][0] >= way:
+        distance = last + SAME
+        self.points.doubt(distance)
+        while self._scatters and self._scatters[-1][0] >= distance:
             _, self.scatter, self.jagged.variance = self._scatters.pop()
 
     def _pass_lodged(self, found: Found, along: float, swing: float) -> None:
@@ -388,7 +390,7 @@ class BlockTrack(KeepsState):
             # the tops of all lie off alike: together worth one
             self.track.accept(found.beside, lodging.blocks * doubt + found.variance, turns=False)
         arc = self.track.arc
-        self.points.add(arc.x, arc.u, doubt, arc.way)
+        self.points.add(arc.x, arc.u, doubt, arc.distance)
         self.populations.add(FLAT * self._block.sides(0.0))
         self.track.arc = replace(arc, unseen=min(unseen, 0.5 * self._search.forget))
 

@@ -172,7 +172,7 @@ class Joined(KeepsState):
 
     def _joined(self, edges: Sequence[CropEdge], shared: Sequence[float], own: Sequence[float]) -> CropEdge:
         """shared, own: standard deviations of each edge that all have alike, that are its alone [m]."""
-        both = [told for told in zip(edges, shared, own, strict=True) if told[0].is_found]
+        both = [each for each in zip(edges, shared, own, strict=True) if each[0].is_found]
         found = [edge for edge, *_ in both]
         if len(found) < 2:
             return found[0] if found else edges[0]

@@ -17,7 +17,7 @@ from swath.control.edge.block_track import BLOCK, BlockTrack, Search
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.feet.overhang import HeightOverhang, Overhang, density
-from swath.control.edge.line.near_line import WAY, LineFit, NearLine
+from swath.control.edge.line.near_line import DISTANCE, LineFit, NearLine
 from swath.control.edge.profile import EVENLY, LEAST_SURE, crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
 from swath.control.yaw_rate import YawRate
@@ -191,7 +191,7 @@ class LikelihoodRatio(KeepsState):
 
     def _lies_ahead(self, line: NearLine) -> bool:
         """All that was seen of the edge lies ahead of the reported place: what is ahead will be reached."""
-        first, last = (float(self._blocks.points.rows[k, WAY]) for k in (0, -1))
+        first, last = (float(self._blocks.points.rows[k, DISTANCE]) for k in (0, -1))
         return line.seen_to > last - first
 
     def _near(self, at: tuple[float, float, float]) -> NearLine | None:
@@ -199,7 +199,7 @@ class LikelihoodRatio(KeepsState):
         arc, bite = self._blocks.track.arc, self._blocks.bite
         if arc is None:
             return None
-        line = self._line.near(self._blocks.points.rows, at, arc.frame(*at), arc.way)
+        line = self._line.near(self._blocks.points.rows, at, arc.frame(*at), arc.distance)
         if line is None or (bite == 0.0 and self._blocks.points.shows_beyond(self._way_of(line) - BETWEEN)):
             return line
         frame, sd = _abreast(arc.frame(*at), self._reference), max(line.offset_sd, BITES * bite)
@@ -207,7 +207,7 @@ class LikelihoodRatio(KeepsState):
 
     def _way_of(self, line: NearLine) -> float:
         """Along the edge, of the reported place [m]."""
-        return float(self._blocks.points.rows[-1, WAY]) - line.seen_to
+        return float(self._blocks.points.rows[-1, DISTANCE]) - line.seen_to
 
     def _as_edge(self, now: int, line: NearLine) -> CropEdge:
         sign, edge = self._sign, line.frame

@@ -33,7 +33,12 @@ class Limits:
 
 @wp.struct
 class Driven:
-    """blind: driven without knowing the edge [m]; bend: of the edge [1/m]; is_over: it stopped for that."""
+    """What a machine has driven.
+
+    blind: distance driven without knowing the edge [m]
+    bend: curvature of the edge [1/m]
+    is_over: whether the machine stopped because it was blind for too long
+    """
 
     blind: wp.float64
     bend: wp.float64
@@ -55,16 +60,19 @@ def bound_speeds(
     offset_sd: Numbers,
     measured: Numbers,
     is_led: wp.array(dtype=wp.bool),
-    told: Numbers,
+    allowed: Numbers,
 ):
-    """told: speed that may be driven over the next step [m/s]; needs: set where a machine stops for good."""
+    """Write to `allowed` the speed that may be driven over the next step [m/s].
+
+    needs: set where a machine stops for good
+    """
     w = wp.tid()
     p = limits[w]
     wanted = p.wanted
-    told[w] = wanted
+    allowed[w] = wanted
     if is_led[w] and p.when_lost == PATH:
         driven[w].blind = ZERO
-        told[w] = wp.min(wanted, p.slow)
+        allowed[w] = wp.min(wanted, p.slow)
         return
     if not sees or p.when_lost == IGNORE:
         return
@@ -90,7 +98,7 @@ def bound_speeds(
     trust = wp.min(wp.max((confidence[w] - low) / (p.sure - low), ZERO), ONE)
     slow = wp.min(p.slow, wanted)
     bound = wp.min(most, slow + trust * wp.max(wanted - slow, ZERO))
-    told[w] = bound
+    allowed[w] = bound
     if p.when_lost == SLOW:
         return
     left = p.blind_m - blind - LAG * speed
@@ -98,6 +106,6 @@ def bound_speeds(
         driven[w].is_over = 1
         needs[0] = 1
     if blind != ZERO:
-        told[w] = ZERO
+        allowed[w] = ZERO
         if left > ZERO:
-            told[w] = wp.min(bound, wp.sqrt(TWO * BRAKE * left))
+            allowed[w] = wp.min(bound, wp.sqrt(TWO * BRAKE * left))

@@ -15,13 +15,13 @@ from swath.core.errors import InputError
 
 STEP = 0.25  # between the points of a curve [m]
 LEAST = 1e-3  # between two points [m]
-SHARP = 0.5  # way over which a change of curvature counts as sudden [m]
+SHARP = 0.5  # distance over which a change of curvature counts as sudden [m]
 
 
 class Beside(NamedTuple):
-    """way: along the line to its nearest point; left: of the line [m]."""
+    """distance: along the line to its nearest point; left: of the line [m]."""
 
-    way: float
+    distance: float
     left: float
 
 
@@ -50,33 +50,33 @@ class GuidanceLine:
 
     @cached_property
     def sharpest_bend(self) -> float:
-        """Largest difference of the curvature over twice a way of SHARP [1/m]."""
+        """Largest difference of the curvature over twice a distance of SHARP [1/m]."""
         count = ceil(self.length / SHARP) + 1
         here = [self.curvature(SHARP * i, SHARP) for i in range(count)]
         return max((abs(b - a) for a, b in zip(here, here[2:], strict=False)), default=0.0)
 
-    def heading(self, way: float) -> float:
-        """Direction at a way along it [rad], without jumps by a full turn."""
+    def heading(self, distance: float) -> float:
+        """Direction at a distance along it [rad], without jumps by a full turn."""
         middles, headings = self._middles, self._headings
-        i = bisect_right(middles, way)
+        i = bisect_right(middles, distance)
         if i == 0 or i == len(middles):
             return headings[0] if i == 0 else headings[-1]
-        share = (way - middles[i - 1]) / (middles[i] - middles[i - 1])
+        share = (distance - middles[i - 1]) / (middles[i] - middles[i - 1])
         return headings[i - 1] + share * (headings[i] - headings[i - 1])
 
-    def point(self, way: float) -> tuple[float, float]:
-        """The place at a way along it [m]; beyond its ends straight on."""
-        i = min(max(bisect_right(self._at, way) - 1, 0), len(self._headings) - 1)
+    def point(self, distance: float) -> tuple[float, float]:
+        """The place at a distance along it [m]; beyond its ends straight on."""
+        i = min(max(bisect_right(self._at, distance) - 1, 0), len(self._headings) - 1)
         (ax, ay), (bx, by) = self._points[i], self._points[i + 1]
-        share = (way - self._at[i]) / (self._at[i + 1] - self._at[i])
+        share = (distance - self._at[i]) / (self._at[i + 1] - self._at[i])
         return ax + share * (bx - ax), ay + share * (by - ay)
 
-    def curvature(self, way: float, reach: float) -> float:
-        """Mean from `reach` before to `reach` behind a way along it [1/m]."""
-        return (self.heading(way + reach) - self.heading(way - reach)) / (2.0 * reach)
+    def curvature(self, distance: float, reach: float) -> float:
+        """Mean from `reach` before to `reach` behind a distance along it [1/m]."""
+        return (self.heading(distance + reach) - self.heading(distance - reach)) / (2.0 * reach)
 
     def project(self, x: float, y: float, near: float | None = None, reach: float = 8.0) -> Beside:
-        """The nearest point; of those within `reach` of the way `near`, where that is given [m]."""
+        """The nearest point; of those within `reach` of the distance `near`, where that is given [m]."""
         first, last = 0, len(self._headings) - 1
         if near is not None:
             first = min(max(bisect_right(self._at, near - reach) - 1, 0), last)

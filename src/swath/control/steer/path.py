@@ -214,8 +214,8 @@ class PathSteer(KeepsState):
         c, s = cos(pose.heading), sin(pose.heading)
         x, y = pose.x + c * ahead - s * left, pose.y + s * ahead + c * left
         nearest = self._line.project(x, y, self._way + ahead, LOST)
-        course = wrapped(self._line.heading(nearest.way) - pose.heading)
-        return BesidePath(nearest.left, course, self._line.curvature(nearest.way, 1.0))
+        course = wrapped(self._line.heading(nearest.distance) - pose.heading)
+        return BesidePath(nearest.left, course, self._line.curvature(nearest.distance, 1.0))
 
     def lead_along(self, line: GuidanceLine) -> None:
         """Another path of the own machine, instead of that of the scenario."""
@@ -235,20 +235,20 @@ class PathSteer(KeepsState):
         x, y = pose.x + late * cos(pose.heading + slip), pose.y + late * sin(pose.heading + slip)
         heading = pose.heading + late * self._actuator.curvature
         here = line.project(x, y, self._way, LOST + late)
-        self._way = here.way
-        turned = wrapped(heading - line.heading(here.way))
-        left = line.length - here.way
+        self._way = here.distance
+        turned = wrapped(heading - line.heading(here.distance))
+        left = line.length - here.distance
         is_sure = pose.position_sd <= p.accuracy_m
         follows = is_sure and speed > 0.0 and left >= -p.run_out_m
-        state = GuidanceState(now, follows, here.left, turned, here.way, left)
+        state = GuidanceState(now, follows, here.left, turned, here.distance, left)
         if speed > CRAWL and is_sure:
             self._observer.update(-here.left, -sin(turned), speed * seconds)
         then = self._actuator.ahead(speed, slip)
         c, s = cos(heading), sin(heading)
         ahead = x + c * then.x - s * then.y, y + s * then.x + c * then.y
-        there = line.project(*ahead, here.way, LOST + then.x)
-        travel = wrapped(heading + then.heading - line.heading(there.way)) + self._observer.slip
-        return state, self._aim(line, there.way, there.left, travel, speed) + self._actuator.deficit
+        there = line.project(*ahead, here.distance, LOST + then.x)
+        travel = wrapped(heading + then.heading - line.heading(there.distance)) + self._observer.slip
+        return state, self._aim(line, there.distance, there.left, travel, speed) + self._actuator.deficit
 
     def _aim(self, line: GuidanceLine, way: float, left: float, travel: float, speed: float) -> float:
         """The law itself. left: of the path [m]; travel: direction of travel against it [rad]."""

@@ -37,14 +37,14 @@ def stoppable() -> Iterator[None]:
         _asked = None
     for number in taken:
         signal.signal(number, stop)
-    told = sys.unraisablehook
+    usual = sys.unraisablehook
     if taken:
         hush_lost()
     try:
         yield
     finally:
         if taken:
-            sys.unraisablehook = told
+            sys.unraisablehook = usual
         for number, handler in taken.items():
             signal.signal(number, handler)
         if taken:
@@ -75,11 +75,11 @@ def raise_if_lost() -> None:
 
 def hush_lost() -> None:
     """Print nothing of a stop that Python drops: `raise_if_lost` raises it again."""
-    told = sys.unraisablehook
+    usual = sys.unraisablehook
 
     def hook(dropped: "sys.UnraisableHookArgs", /) -> None:
         if _asked is None or dropped.exc_type is not _asked:
-            told(dropped)
+            usual(dropped)
 
     sys.unraisablehook = hook
 

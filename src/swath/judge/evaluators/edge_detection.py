@@ -100,7 +100,7 @@ class EdgeSeries:
 
 
 # what is noted of a sample, beside its time and the distance, and its place as in `lines`
-TOLD = ("reference_x", "offset", "confidence", "is_held", "offset_sd")
+REPORTED = ("reference_x", "offset", "confidence", "is_held", "offset_sd")
 
 
 @saved_type("t", "rows")
@@ -184,8 +184,8 @@ class EdgeDetection(SeesAll, Later):
         self._knife_x = self._reference
         self._states = States()
         self.rests_until = NEVER  # unless the truth has to reach the time of an edge
-        self._waiting: list[list[float]] = []  # t and TOLD of samples that are before the truth
-        self._rows: list[list[float]] = []  # t, distance, TOLD but the reference, place as in `lines`
+        self._waiting: list[list[float]] = []  # t and REPORTED of samples that are before the truth
+        self._rows: list[list[float]] = []  # t, distance, REPORTED but the reference, place as in `lines`
         self._crop: list[NDArray[np.uint8]] = []  # where it stands on the line across, packed
         self._judged = KeptRows(10)
         self._newest: F64 | None = None  # row of those
@@ -205,12 +205,16 @@ class EdgeDetection(SeesAll, Later):
             now = np.array([judge._states.newest for judge in parts])
         else:
             now = np.column_stack([pile.last(name, worlds) for name in ("t", "pose", "distance")])
-        told = shown.columns(CropEdge, ("t", *TOLD))
-        if told is not None and (told[:, 0] == now[:, 0]).all() and not any(j._waiting for j in parts):
-            _look(parts, told, now[:, 1:])
+        reported = shown.columns(CropEdge, ("t", *REPORTED))
+        if (
+            reported is not None
+            and (reported[:, 0] == now[:, 0]).all()
+            and not any(j._waiting for j in parts)
+        ):
+            _look(parts, reported, now[:, 1:])
             return
         for k, (judge, newest) in enumerate(zip(parts, now.tolist(), strict=True)):
-            judge._waiting += [] if told is None else [told[k].tolist()]
+            judge._waiting += [] if reported is None else [reported[k].tolist()]
             while judge._waiting and judge._waiting[0][0] <= newest[0]:
                 edge, place = judge._waiting.pop(0), newest[1:]
                 if edge[0] < newest[0]:
@@ -275,8 +279,8 @@ class EdgeDetection(SeesAll, Later):
         t, at, true, seen, found, exists, confidence, is_held, sd, wall = table.T
         error = -self.side * (seen - true)
         error = np.where(np.abs(error) <= MATCH_M, error, np.nan)
-        told = confidence, is_held > 0, sd, wall
-        return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, *told)
+        reported = confidence, is_held > 0, sd, wall
+        return EdgeSeries(t / NS, at, true, seen, error, found > 0, exists > 0, *reported)
 
     def _at_rows(self, name: str, tracks: Mapping[str, F64]) -> F64:
         """An array of the series for the rows of the tracks."""
@@ -339,19 +343,19 @@ def between_states(
     return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
 
 
-def _look(parts: Sequence[EdgeDetection], told: F64, places: F64) -> None:
+def _look(parts: Sequence[EdgeDetection], reported: F64, places: F64) -> None:
     """Note what stands where edges are reported.
 
-    told: t and TOLD of each, (n, 6); places: rows of `States`, (n, 13)
+    reported: t and REPORTED of each, (n, 6); places: rows of `States`, (n, 13)
     """
     # where none is reported, the last one counts, at first the knife
     last = np.array([judge._reference for judge in parts])
-    reference = np.where(np.isfinite(told[:, 1]), told[:, 1], last)
+    reference = np.where(np.isfinite(reported[:, 1]), reported[:, 1], last)
     begin, end_y, knife_x = np.array([(judge._begin, judge._end_y, judge._knife_x) for judge in parts]).T
     starts = np.stack(start_across(places.T, reference, begin), axis=1)
     px, py, _, ax, bx, _, ay, by = places[:, :8].T
     ends = [v + a * at + b * end_y for at in (reference, knife_x) for v, a, b in ((px, ax, bx), (py, ay, by))]
-    rows = np.column_stack([told[:, 0], places[:, 12], told[:, 2:], *ends, bx, by]).tolist()
+    rows = np.column_stack([reported[:, 0], places[:, 12], reported[:, 2:], *ends, bx, by]).tolist()
     of_each = parts, places.tolist(), starts.tolist(), reference.tolist(), rows
     for judge, pose, start, at, row in zip(*of_each, strict=True):
         judge._reference = at

@@ -35,8 +35,10 @@ class Where:
 class Message:
     """A received message.
 
-    name: as in the DBC, `AddressClaimed` with only `device_class`, or none of a parameter group that the node
-        takes raw, with its pgn and data
+    name: as in the DBC; "" for a parameter group that the node takes raw
+    values: by signal; of `AddressClaimed` only `device_class`, of a raw group none
+    source, destination: addresses
+    pgn, data: of a raw group: its number and its bytes
     """
 
     name: str
@@ -138,10 +140,11 @@ class Node:
 
 
 def check_bus(where: Where) -> Where:
-    """The same. InputError when python-can has no such interface, MissingExtra when it is not there.
+    """Return the bus that was given, once it may be opened.
 
-    NotNamed where it is no virtual bus and the user has not named it, or a text among its options: an
-    interface may take one for a file or a library.
+    A virtual bus may. Any other has to be named by the user, and so has each text among its options, which an
+    interface may take for a file or a library: NotNamed otherwise. InputError when python-can has no such
+    interface, MissingExtra when python-can is not installed.
     """
     if find_spec("can") is None or find_spec("cantools") is None:
         raise MissingExtra("can", "a CAN bus")
@@ -159,7 +162,7 @@ def check_bus(where: Where) -> Where:
 
 
 def _is_free(where: Where) -> bool:
-    """Whether a bus is virtual: in this process, of this machine's system, or datagrams that stay on it."""
+    """Whether a bus is virtual, or of datagrams that stay on this machine unless `hop_limit` says else."""
     if where.interface == "socketcan":
         return where.channel.startswith("vcan")
     with suppress(ValueError):
@@ -170,7 +173,7 @@ def _is_free(where: Where) -> bool:
 
 
 def open_bus(where: Where) -> Any:
-    """The python-can bus of what `check_bus` gave. SwathError with the reason when it cannot be had."""
+    """Open the bus with python-can. SwathError with the reason when it cannot be opened."""
     import can
 
     options: dict[str, Any] = dict(where.options)

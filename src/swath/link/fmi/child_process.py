@@ -29,9 +29,11 @@ PR_SET_PDEATHSIG = 1
 
 
 class ChildProcess:
-    """A unit whose FMU runs in a child process. timeout_s: for every answer; the start has a minute more.
+    """A unit whose FMU runs in a child process.
 
-    child: the process, None before the start and after the end; folder: where the FMU is unpacked
+    timeout_s: longest wait for an answer [s]; at the start a minute is added
+    child: the process, None before the start and after the end
+    folder: where the FMU is unpacked
     notes: what the user should know
     """
 

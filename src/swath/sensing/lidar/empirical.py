@@ -53,7 +53,7 @@ LODGED = 1 << 8  # flag of the caster: a beam met crop that leans by more than 2
 
 
 def compared_stems(table: SpreadTable) -> Checked | None:
-    """For how many stems of its crop a table was compared, None where it was not."""
+    """Range of stems per m2 within which a table was compared with `plants`, None where it was not."""
     ends = COMPARED.get(str(table.about.get("crop")))
     return None if ends is None else Checked("stems_per_m2", *ends, "tests/sensing/test_empirical.py")
 
@@ -128,7 +128,7 @@ class TableLidar(InWorlds, ScanningLidar):
         return [*self.scanner.notes, *about, *self._notes]
 
     def note(self, clamped: int) -> None:
-        """What some beam left, as `BodyCaster.cast_beams` says it."""
+        """Note once what ranges of the table beams left. clamped: flags as of `BodyCaster.cast_beams`."""
         new = clamped & ~self._clamped
         if not new:
             return
@@ -147,9 +147,7 @@ class TableLidar(InWorlds, ScanningLidar):
 
     @property
     def checked(self) -> Sequence[Checked]:
-        """Stems for which it was compared, where it was for this crop; else the range of its table, at whose
-        nodes it was fitted.
-        """
+        """Ranges of the checks of this level: axes of its table; stems per m2 where they were compared."""
         ends = dict(zip(QUANTITIES, valid_range(self.table.standing).values(), strict=True))
         del ends["stems_per_m2"]
         source = f"range of its table {self._table_name}"
@@ -225,7 +223,7 @@ def table_name(crop: str, echo: str) -> str:
 
 
 def _original(crop: str, level: str) -> tuple[str, str]:
-    """The bundled crop of whose tables a crop may use one, itself where it is none; what to say of it."""
+    """The bundled crop that a crop is copied from, or itself: whose tables it may use; and a note on that."""
     found = copied_from(crop)
     if found is None:
         return crop, ""

@@ -110,7 +110,7 @@ def _smooth(xy: F64) -> F64:
 
 
 def aligned(a: Cloud, b: Cloud, how: str, notes: list[str]) -> tuple[Place, Place]:
-    """Both clouds along one path, A's where there is a choice.
+    """The places of both clouds along one path, that of A where it has one.
 
     InputError where they cannot be laid over each other; `notes` gets what was taken for granted.
     """
@@ -147,7 +147,7 @@ def _check_overlap(a: Cloud, b: Cloud) -> None:
 
 
 def _by_icp(a: Cloud, b: Cloud, notes: list[str]) -> F64:
-    """Points of B moved onto those of A. InputError where what was found is not plausible."""
+    """Points of B moved onto those of A. InputError where the shift or turn found is not plausible."""
     with Extra("mesh", "--align icp"):
         import scipy.spatial  # noqa: F401  that trimesh looks neighbours up with
         from trimesh.registration import icp
@@ -226,10 +226,14 @@ class Number:
 
 @dataclass(frozen=True)
 class Comparison:
-    """names: of A and B; cells: a row for each compared cell; numbers: over all of them.
+    """Two clouds compared.
 
-    profile: by cell, `left_m` and of each cloud percentiles 5, 50, 95; blocks: s of the beginnings; map_w1,
-    map_mean: (cells, blocks), nan = too few echoes; heights: of the compared cells
+    names: of A and B
+    numbers: over all cells that were compared
+    cells: a row of numbers for each of them
+    blocks: where along the path each block begins [m]
+    map_w1, map_mean: of each cell and block (cells, blocks) [m], nan = too few echoes
+    heights: all heights in the compared cells, of A and of B [m]
     """
 
     names: tuple[str, str]
@@ -476,8 +480,9 @@ class _Spread:
         self.rng = Stream(seed, "compare scans").at()
 
     def of_all(self, known: dict[str, Any], progress: Callable[[float], None]) -> dict[str, Any]:
-        """Noise of each distance (1,), interval of each difference (2,), and `w1_cells`: noise by cell; {}
-        where there are too few blocks. known: cells that count for a difference.
+        """Noise of each distance (1,), interval of each difference (2,), and `w1_cells`, the noise by cell.
+
+        known: cells that count for a difference. {} where there are too few blocks.
         """
         blocks = self.counts.shape[1]
         if blocks < FEWEST_BLOCKS:
@@ -496,7 +501,7 @@ class _Spread:
                 drawn.setdefault(name, []).append(value)
             drawn.setdefault("w1_cells", []).append(by_cell)
             weight = np.bincount(self.rng.integers(0, blocks, blocks), minlength=blocks).astype(np.float32)
-            means = [self._told(k, weight) for k in (0, 1)]
+            means = [self._means(k, weight) for k in (0, 1)]
             for name in DIFFERENCES:
                 drawn.setdefault(name, []).append(_mean((means[1][name] - means[0][name])[known[name]]))
             progress((number + 1) / DRAWS)
@@ -508,8 +513,8 @@ class _Spread:
                 found[name] = tuple(float(v) for v in np.percentile(values, [2.5, 97.5]))
         return found
 
-    def _told(self, cloud: int, weight: Any) -> dict[str, F64]:
-        """The numbers of `_about` by cell, of blocks with weights."""
+    def _means(self, cloud: int, weight: Any) -> dict[str, F64]:
+        """The numbers of `_about` by cell, with a weight for each block."""
         counts = np.einsum("k,kcb->cb", weight, self.counts[cloud]).astype(float)
         total = counts.sum(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -12,7 +12,7 @@ from math import atan
 import numpy as np
 
 from swath.control.edge.arc_track import Arc
-from swath.control.edge.line.near_line import VARIANCE, WAY
+from swath.control.edge.line.near_line import DISTANCE, VARIANCE
 from swath.control.edge.line.ragged_line import fitted, last_of, seen_from
 from swath.core.portable import exp, product
 from swath.signals import F64
@@ -26,12 +26,12 @@ APART = 2  # blocks from one place where the bend may change to the next
 
 
 def carried_on(rows: F64, arc: Arc, scatter: float) -> tuple[Arc, float]:
-    """The track at its place as it goes on; way along the edge behind which blocks show something else [m].
+    """The track as it goes on from its place, and the distance along the edge behind which it breaks off [m].
 
     The mean of all that may be, by their chances. rows: of `EdgePoints`; scatter: of blocks about the track,
     beyond their own variance [m2]
     """
-    used = last_of(rows, arc.way, STRETCH)
+    used = last_of(rows, arc.distance, STRETCH)
     (one, along, _), beside = seen_from(used, arc, arc.angle)
     weight = 1.0 / np.maximum(used[:, VARIANCE] + scatter, POINT**2)
     costs, states, covariances, lasts = [], [], [], []
@@ -48,9 +48,9 @@ def carried_on(rows: F64, arc: Arc, scatter: float) -> tuple[Arc, float]:
             to = np.array([[1.0, 0.0, 0.5 * now * since**2], [0.0, 1.0, -now * since], [0.0, 0.0, now]])
             states.append(product(to, np.array(p)))
             covariances.append(product(product(to, np.array(covariance)), to.T))
-            lasts.append(float(used[count - 1, WAY]))
+            lasts.append(float(used[count - 1, DISTANCE]))
     if not costs:
-        return replace(arc, bend=0.0), arc.way
+        return replace(arc, bend=0.0), arc.distance
     best = min(costs)
     chance = exp(-0.5 * (np.array(costs) - best))
     chance /= float(chance.sum())

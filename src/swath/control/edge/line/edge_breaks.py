@@ -33,7 +33,7 @@ class EdgeBreaks(KeepsState):
         """Nothing seen."""
         self._hole = float("nan")  # beside a line that broke off: where another edge was seen [m]
         self._beside = 0.0  # the track: the last block that fitted [m]
-        # beside a line along bites [m], way along it [m]: the last blocks, ever further outside
+        # beside a line along bites [m], distance along it [m]: the last blocks, ever further outside
         self._outside: tuple[tuple[float, float], ...] = ()
         self.inner.clear()
 
@@ -75,8 +75,8 @@ class EdgeBreaks(KeepsState):
         is_one = wide.gain >= LEAST_GAIN and wide.lead < LEAD and wide.beside < -OUT
         return wide if is_one else None
 
-    def bends_away(self, found: Found, way: float, *, has_bites: bool) -> float | None:
-        """The edge leaves a line along bites outward, far or for long: from which way along it [m], or None.
+    def bends_away(self, found: Found, distance: float, *, has_bites: bool) -> float | None:
+        """Distance along a line of bites from which the edge leaves it outward, far or for long [m], or None.
 
         Bites come back to the line: of teeth and saws of up to 0.6 m single blocks lie so far outside it.
         """
@@ -85,9 +85,9 @@ class EdgeBreaks(KeepsState):
             self._outside = ()
             return None
         before = self._outside if self._outside and beside < self._outside[-1][0] + NOISE else ()
-        self._outside = (*before, (beside, way))
+        self._outside = (*before, (beside, distance))
         first, since = self._outside[0]
-        if len(self._outside) < BENDS or (beside > first - GROWS and way < since + STAYS):
+        if len(self._outside) < BENDS or (beside > first - GROWS and distance < since + STAYS):
             return None
         self._outside = ()
         return since
@@ -97,7 +97,7 @@ class EdgeBreaks(KeepsState):
         if arc is None or not is_inside or found.gain + found.lead < LEAST_GAIN:
             self.inner.clear()
             return False
-        self.inner.add(found.best, arc.beside(found.best), found.variance, arc.way)
+        self.inner.add(found.best, arc.beside(found.best), found.variance, arc.distance)
         return True
 
 

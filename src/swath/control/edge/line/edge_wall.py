@@ -59,8 +59,9 @@ class WallsBehind(Clears):
     """How far ahead of the middles of their blocks the walls of the last metres lie.
 
     While an edge goes straight on that says nothing. Where it has turned away since, they are where it was.
-    rows (n, 4): way along the track where the block was put [m], angle of the track there [rad], the wall
-    ahead of it [m], and how much of that its point was moved [m]
+
+    rows: (n, 4): distance of the block along the track [m], angle of the track there [rad], the wall ahead of
+        it [m], and how much of that its point was moved [m]
     """
 
     kept = ("rows",)
@@ -69,13 +70,13 @@ class WallsBehind(Clears):
         """None."""
         self.rows: F64 = np.zeros((0, 4))
 
-    def add(self, way: float, angle: float, ahead: float) -> None:
-        """A block put at a way along the track [m] with an angle [rad], its wall so far ahead of it [m]."""
-        rows = self.rows[self.rows[:, 0] > way - TURNS_M]
-        self.rows = np.vstack([rows, [way, angle, ahead, 0.0]])
+    def add(self, distance: float, angle: float, ahead: float) -> None:
+        """Take in a block: distance along the track [m], angle [rad], how far ahead its wall is [m]."""
+        rows = self.rows[self.rows[:, 0] > distance - TURNS_M]
+        self.rows = np.vstack([rows, [distance, angle, ahead, 0.0]])
 
     def moves(self, angle: float) -> F64:
-        """Rows of way of a point [m], and by how much it goes on in x, u and way [m], as the edge now turns.
+        """How an edge that turns moves points: rows of their distance, and moves in x, u and distance [m].
 
         angle: of the track at its newest block [rad]
         """
@@ -85,12 +86,12 @@ class WallsBehind(Clears):
         more = share * self.rows[:, 2] - self.rows[:, 3]
         is_moved = share * np.abs(self.rows[:, 2]) > np.abs(self.rows[:, 3]) + LEAST
         more = np.where(is_moved, more, 0.0)
-        way = self.rows[:, 0] + self.rows[:, 3]
+        distance = self.rows[:, 0] + self.rows[:, 3]
         self.rows[:, 3] += more
         which = np.flatnonzero(is_moved)
         angles = self.rows[which, 1].tolist()
         towards = np.array([(cos(a), sin(a), 1.0) for a in angles]).reshape(-1, 3)
-        return np.column_stack([way[which], more[which, None] * towards])
+        return np.column_stack([distance[which], more[which, None] * towards])
 
 
 class JaggedWall(Clears):

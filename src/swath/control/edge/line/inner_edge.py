@@ -18,7 +18,10 @@ FEWEST = 3  # blocks that show a wall
 
 
 class InnerEdge(Clears):
-    """Blocks that show an edge beside a line. rows: beside it [m], x, u [m], variance [m2], way along [m]."""
+    """Blocks that show an edge beside a line.
+
+    rows: distance beside the line [m], x, u [m], variance [m2], distance along the line [m]
+    """
 
     kept = ("rows",)
 
@@ -26,14 +29,14 @@ class InnerEdge(Clears):
         """None seen."""
         self.rows: F64 = np.zeros((0, 5))
 
-    def add(self, beside: float, at: tuple[float, float], variance: float, way: float) -> None:
-        """A block's edge beside the line [m], its place x, u [m], variance [m2] and way along [m]."""
+    def add(self, beside: float, at: tuple[float, float], variance: float, distance: float) -> None:
+        """A block's edge beside the line [m], its place x, u [m], variance [m2] and distance along [m]."""
         if not NEAREST < beside < FARTHEST:
             self.clear()
             return
         if len(self.rows) and abs(beside - median(self.rows[-NEWEST:, 0])) > JUMP:
             self.clear()
-        self.rows = np.vstack([self.rows, [beside, *at, variance, way]])
+        self.rows = np.vstack([self.rows, [beside, *at, variance, distance]])
 
     @property
     def is_seen(self) -> bool:
@@ -44,11 +47,11 @@ class InnerEdge(Clears):
         """(beside the line at the newest block [m], angle to it [rad]) of what is the edge, or None."""
         if len(self.rows) < FEWEST or self.rows[-1, 4] - self.rows[0, 4] < LONG:
             return None
-        way, beside = self.rows[:, 4] - self.rows[-1, 4], self.rows[:, 0]
-        apart = way - way.mean()
+        distance, beside = self.rows[:, 4] - self.rows[-1, 4], self.rows[:, 0]
+        apart = distance - distance.mean()
         slope = float((apart * beside).sum() / (apart * apart).sum())
-        at = float(beside.mean()) - slope * float(way.mean())
-        about = beside - at - slope * way
+        at = float(beside.mean()) - slope * float(distance.mean())
+        about = beside - at - slope * distance
         if abs(slope) > PARALLEL or float(np.sqrt((about * about).mean())) > EVEN:
             return None
         return at, slope

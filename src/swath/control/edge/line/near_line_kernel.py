@@ -11,7 +11,7 @@ ZERO, HALF, ONE = (wp.constant(real(n)) for n in (0.0, 0.5, 1.0))
 LARGE = wp.constant(real(1e300))
 LOOK = wp.constant(real(w.LOOK))
 REACH = wp.constant(real(w.REACH))
-NEAREST = wp.constant(real(1.5))  # reach over the way to the nearest point
+NEAREST = wp.constant(real(1.5))  # reach over the distance to the nearest point
 FLOOR = wp.constant(real(1e-4))  # m2, of the variance of a point; ridge of the offset
 TUKEY, MAD = wp.constant(real(w.TUKEY)), wp.constant(real(w.MAD))
 LEAST_SPREAD = wp.constant(real(0.02))
@@ -19,7 +19,9 @@ NEAR_SHARE = wp.constant(real(0.05))
 FEWEST = wp.constant(real(0.2))
 SLOPE_PRIOR = wp.constant(real(1.0 / 0.5**2))
 BENT, STRAIGHT, PROVEN = (wp.constant(real(n)) for n in (w.BENT, w.STRAIGHT, w.PROVEN))
-WAY, X, U, ALONG, BESIDE, WEIGHT, ROBUST, AWAY = (wp.constant(n) for n in range(8))  # rows of the scratch
+DISTANCE, X, U, ALONG, BESIDE, WEIGHT, ROBUST, AWAY = (
+    wp.constant(n) for n in range(8)
+)  # rows of the scratch
 
 
 @wp.struct
@@ -158,24 +160,24 @@ def sort_by_way(
     c: wp.float64,
     sn: wp.float64,
 ):
-    """Points in the machine's frame and the track's front, by their way; their x never falls."""
+    """Points in the machine's frame and the track's front, by their distance; their x never falls."""
     n = int(ask.count)
     for i in range(n + 1):
         x = ask.front_x
         u = ask.front_u
-        way = ask.front_way
+        distance = ask.front_way
         if i < n:
             dx = points[i][0] - ask.x
             du = points[i][1] - ask.u
             x = c * dx + sn * du
             u = c * du - sn * dx
-            way = points[i][3]
+            distance = points[i][3]
         j = int(i)
-        while j > 0 and s[WAY, j - 1] > way:
+        while j > 0 and s[DISTANCE, j - 1] > distance:
             for row in range(3):
                 s[row, j] = s[row, j - 1]
             j = j - 1
-        s[WAY, j] = way
+        s[DISTANCE, j] = distance
         s[X, j] = x
         s[U, j] = u
     for i in range(1, n + 1):
@@ -189,25 +191,25 @@ def near_line(
     s: wp.array2d(dtype=wp.float64),
     lines: wp.array(dtype=Line),
 ):
-    """points: (x, u, variance, way) in the frame at rest; s: scratch, (8, room)."""
+    """points: (x, u, variance, distance) in the frame at rest; s: scratch, (8, room)."""
     ask = asks[0]
     n = int(ask.count)
     c = wp.cos(ask.heading)
     sn = wp.sin(ask.heading)
     sort_by_way(points, ask, s, c, sn)
     angle = ask.front_angle
-    way = s[WAY, 0] - (s[X, 0] - ask.reference)
+    distance = s[DISTANCE, 0] - (s[X, 0] - ask.reference)
     if ask.reference >= s[X, 0]:
         rise = between(s, n + 1, U, ask.reference + LOOK) - between(s, n + 1, U, ask.reference - LOOK)
         angle = wp.atan2(rise, LOOK + LOOK)
-        way = between(s, n + 1, WAY, ask.reference)
+        distance = between(s, n + 1, DISTANCE, ask.reference)
     place_u = between(s, n + 1, U, ask.reference)
     line = Line()
     line.gap = LARGE
     line.seen_to = -LARGE
     for i in range(n):
-        line.gap = wp.min(line.gap, wp.abs(points[i][3] - way))
-        line.seen_to = wp.max(line.seen_to, points[i][3] - way)
+        line.gap = wp.min(line.gap, wp.abs(points[i][3] - distance))
+        line.seen_to = wp.max(line.seen_to, points[i][3] - distance)
     reach = wp.max(REACH, NEAREST * line.gap)
     ca = wp.cos(angle)
     sa = wp.sin(angle)
@@ -218,7 +220,7 @@ def near_line(
         u = c * du - sn * dx - place_u
         s[ALONG, i] = ca * x + sa * u
         s[BESIDE, i] = ca * u - sa * x
-        away = (points[i][3] - way) / reach
+        away = (points[i][3] - distance) / reach
         s[WEIGHT, i] = wp.exp(-HALF * away * away) / (points[i][2] + FLOOR)
     p = fit(s, n, BENT)
     bend_sd = wp.sqrt(p.covariance[2, 2])

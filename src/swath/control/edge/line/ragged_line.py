@@ -11,7 +11,7 @@ from math import atan, cos, sin, sqrt
 import numpy as np
 
 from swath.control.edge.arc_track import Arc
-from swath.control.edge.line.near_line import VAGUE, VARIANCE, WAY
+from swath.control.edge.line.near_line import DISTANCE, VAGUE, VARIANCE
 from swath.control.edge.profile import EVENLY
 from swath.signals import F64
 
@@ -30,7 +30,7 @@ def bite_of(rows: F64, newest: Arc) -> float:
     From what its points scatter about a parabola, beyond their own variance. A saw of depth d gives 0.5 d, as
     the parabola follows part of it, and blocks are longer than its steps; a bend that begins 0.13 m at most.
     """
-    used = last_of(rows, newest.way, WINDOW)
+    used = last_of(rows, newest.distance, WINDOW)
     if len(used) < FEWEST:
         return 0.0
     columns, beside = seen_from(used, newest, newest.angle)
@@ -44,7 +44,7 @@ def ragged_line(rows: F64, newest: Arc, heading: float) -> tuple[Arc, float]:
 
     heading: of the machine [rad], in the frame at rest as all
     """
-    used = last_of(rows, newest.way, LENGTH)
+    used = last_of(rows, newest.distance, LENGTH)
     columns, beside = seen_from(used, newest, heading)
     weight = np.ones(len(beside))
     for _ in range(ROUNDS):
@@ -54,12 +54,12 @@ def ragged_line(rows: F64, newest: Arc, heading: float) -> tuple[Arc, float]:
     c, s = cos(heading), sin(heading)
     covariance = np.diag([0.1**2, 0.05**2, BEND**2])
     x, u, angle = newest.x - p[0] * s, newest.u + p[0] * c, heading + atan(p[1])
-    return Arc(x, u, angle, p[2], covariance, newest.way, newest.unseen), LIKE * sqrt(inverse[1][1])
+    return Arc(x, u, angle, p[2], covariance, newest.distance, newest.unseen), LIKE * sqrt(inverse[1][1])
 
 
-def last_of(rows: F64, way: float, length: float) -> F64:
-    """Those that show the edge, over a length [m] behind a way along it [m]."""
-    return rows[(rows[:, WAY] > way - length) & (rows[:, VARIANCE] < VAGUE**2)]
+def last_of(rows: F64, distance: float, length: float) -> F64:
+    """Those that show the edge, over a length [m] behind a distance along it [m]."""
+    return rows[(rows[:, DISTANCE] > distance - length) & (rows[:, VARIANCE] < VAGUE**2)]
 
 
 def seen_from(rows: F64, place: Arc, angle: float) -> tuple[tuple[F64, F64, F64], F64]:
