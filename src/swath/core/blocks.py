@@ -219,6 +219,11 @@ class Block:
         """When each was sent [ns]."""
         return np.array(self.pile.times[: self._count], np.int64)
 
+    @property
+    def is_even(self) -> bool:
+        """Whether they came in arrays, of numbers or flags."""
+        return not self.pile.each and all(a.dtype != object for a in self.pile.arrays.values())
+
     def __len__(self) -> int:
         return self._count
 

@@ -183,7 +183,7 @@ class Sent:
 def _makers(kind: type[Signal]) -> dict[str, Any]:
     """How the fields of the samples of all worlds are made of an array, a list of them."""
     hints = get_type_hints(kind)
-    known: dict[Any, Any] = {float: _numbers, int: _numbers, bool: _numbers, Pose: _poses}
+    known: dict[Any, Any] = {float: _numbers, int: _numbers, bool: _numbers, Pose: poses_of}
     return {f.name: known.get(hints[f.name], _arrays) for f in fields(kind) if f.name != "t"}
 
 
@@ -196,7 +196,8 @@ def _arrays(array: NDArray[Any]) -> list[NDArray[Any]]:
     return [np.array(own) for own in array]
 
 
-def _poses(array: NDArray[np.float64]) -> list[Pose]:
+def poses_of(array: NDArray[np.float64]) -> list[Pose]:
+    """Poses of (n, 12) numbers: position, then rows of the rotation."""
     return [
         Pose.of_numbers([x, y, z], [[a, b, c], [d, e, f], [g, h, i]])
         for x, y, z, a, b, c, d, e, f, g, h, i in array.tolist()

@@ -349,7 +349,7 @@ class McapFile:
             data, build = bytes(self.store.serialize_cdr(message, message.__msgtype__)), lambda: message
         if topic not in self._channels:
             self._declare(topic, build().__msgtype__, is_latched)
-        self._add(topic, t, data)
+        self.add(topic, t, data)
         for tap in self.taps if self.is_heard else ():
             tap(topic, t, data, build, is_latched)
 
@@ -389,9 +389,17 @@ class McapFile:
         topic, schema = channel.topic, schemas[channel.schema_id]
         if topic not in self._topics:
             self._register(Topic(schema.name, channel.metadata.get(QOS, "")), topic, schema.data)
-        self._add(topic, message.log_time, message.data)
+        self.add(topic, message.log_time, message.data)
 
-    def _add(self, topic: str, t: int, data: bytes) -> None:
+    def rows(self, topic: str, draft: Draft) -> list[bytes] | None:
+        """CDR bytes of many messages of a topic; None before one of their form was written."""
+        template = self._templates.get((topic, draft.variant))
+        return None if template is None else template.fill_all(draft.t, draft.values)
+
+    def add(self, topic: str, t: int, data: bytes) -> None:
+        """Append the bytes of a message of a topic that is known; after a torn one nothing."""
+        if self._is_torn:
+            return
         self._topics[topic].count += 1
         self._count += 1
         self._end = max(self._end, t)

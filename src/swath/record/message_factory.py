@@ -21,10 +21,13 @@ from struct import Struct, calcsize
 from typing import Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
+from swath.core.blocks import Block
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.signal import per_signal
+from swath.core.together import poses_of
 from swath.field.edges.track import EdgeShape
 from swath.field.maps.projection import Origin
 from swath.record.samples import DEFINITION, MSGTYPE
@@ -55,15 +58,15 @@ class Draft(NamedTuple):
     """A message that is only built when somebody wants it as an object.
 
     t: its stamp [ns]
-    values: the numbers at `paths`
+    values: the numbers at `paths`; of many samples t and values are columns, (n,), and nothing is built
     build: makes the message itself
     paths: of fields, `pose.position.x`, `points.3.x`. All else is the same in every message of the topic.
     variant: which of the topic's forms it has, of messages whose other contents differ
     """
 
-    t: int
+    t: Any
     paths: tuple[str, ...]
-    values: Sequence[float]
+    values: Sequence[Any]
     build: Callable[[], Any]
     variant: Hashable = None
 
@@ -76,6 +79,13 @@ class Template:
         places = {path: (at, code) for path, at, code in _leaves(store, message)}
         stamp = next(path for path in places if path.endswith(STAMPS))
         self._stamp, self._at = Struct("<iI"), places[stamp][0]
+        numbers = [(self._at, "i"), (self._at + 4, "I"), *(places[path] for path in paths)]
+        self._row = np.dtype({
+            "names": [str(i) for i in range(len(numbers))],
+            "formats": [f"<{code}" if code not in "?bB" else code for _, code in numbers],
+            "offsets": [at for at, _ in numbers],
+            "itemsize": len(data),
+        })  # fmt: skip
         self._runs: list[tuple[Struct, int, slice]] = []
         first = 0
         for i, path in enumerate(paths):
@@ -93,6 +103,15 @@ class Template:
         for layout, at, part in self._runs:
             layout.pack_into(data, at, *values[part])
         return bytes(data)
+
+    def fill_all(self, t: NDArray[np.int64], columns: Sequence[Any]) -> list[bytes]:
+        """The same of many messages; t and columns (n,)."""
+        size, count = len(self._data), len(t)
+        rows = np.frombuffer(bytearray(self._data) * count, self._row)
+        for i, column in enumerate((*np.divmod(np.maximum(t, 0), NS), *columns)):
+            rows[str(i)] = column
+        data = rows.tobytes()
+        return [data[at : at + size] for at in range(0, size * count, size)]
 
 
 def _leaves(store: Any, message: Any) -> Iterator[tuple[str, int, str]]:
@@ -416,15 +435,48 @@ class Sent(NamedTuple):
     delivery: Literal["", "latched", "announced"] = ""
 
 
+class Many:
+    """Samples of an output as one: each of its fields is a column, (n, ...), a pose as in `Block`."""
+
+    def __init__(self, block: Block, which: Sequence[int]) -> None:
+        self._block, self._which, self.kind = block, which, block.kind
+        self.is_whole = len(which) == len(block)
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        column = self._block[name]
+        return column if self.is_whole else column[self._which]
+
+
+class Uneven(Exception):
+    """Many samples have no message in common."""
+
+
+def common(value: Any) -> Any:
+    """What a field of a sample holds, or that of many samples, all of which hold the same; else Uneven."""
+    if not isinstance(value, np.ndarray):
+        return value
+    if (value != value[0]).any():
+        raise Uneven
+    return value[0].item()
+
+
+def place_of(pose: Any) -> tuple[Any, ...]:
+    """Position and quaternion (x, y, z, w) of a pose, seven numbers; of many seven columns."""
+    if isinstance(pose, Pose):
+        return (*pose.position.tolist(), *pose.quaternion())
+    return (*pose[:, :3].T, *np.array([own.quaternion() for own in poses_of(pose)]).T)
+
+
 Maker = Callable[[Source], Callable[[Any], Iterator[Sent]]]  # called with each sample of one output
 
 
-def own_messages(source: Source, signal: Signal) -> Iterator[Sent]:
+def own_messages(source: Source, signal: Any) -> Iterator[Sent]:
     """Any sample as one `swath_msgs/msg/<Class>` with all its fields, in the frame that it declares."""
-    names = plain_names(type(signal))
+    kind = signal.kind if isinstance(signal, Many) else type(signal)
+    names = plain_names(kind)
 
     def build() -> Any:
-        return source.make.of_signal(signal, source.frame_of(type(signal)))
+        return source.make.of_signal(signal, source.frame_of(kind))
 
     if names is None:
         yield Sent(source.topic, build())

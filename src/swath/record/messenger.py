@@ -3,13 +3,24 @@
 A signal without a maker becomes one `swath_msgs/msg/<Class>` with all its fields, in the frame it declares.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
+from swath.core.blocks import Block
 from swath.record.detection_messages import edge_messages, object_messages, obstacle_messages, radar_messages
 from swath.record.mcap_file import McapFile
-from swath.record.message_factory import Maker, RecordedMachine, Sent, Source, own_messages
+from swath.record.message_factory import (
+    Draft,
+    Maker,
+    Many,
+    RecordedMachine,
+    Sent,
+    Source,
+    Uneven,
+    own_messages,
+    plain_names,
+)
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
 from swath.record.positioning_messages import fix_messages, imu_messages, pose_messages
 from swath.record.scan_messages import image_messages, scan_messages, truth_messages
@@ -48,6 +59,15 @@ MAKERS: dict[type[Signal], Maker] = {
     Obstacles: lambda source: partial(obstacle_messages, source),
 }
 
+TAKE_MANY = (steering_messages, speed_messages, imu_messages, own_messages)  # samples at once
+
+
+def _takes_many(maker: Any, kind: type[Signal]) -> bool:
+    """Whether it makes the messages of many samples at once."""
+    if not isinstance(maker, partial):
+        return bool(getattr(maker, "takes_many", False))
+    return maker.func in TAKE_MANY and (maker.func is not own_messages or plain_names(kind) is not None)
+
 
 class Messenger:
     """Writes the samples of one machine to a file as messages."""
@@ -63,6 +83,24 @@ class Messenger:
                 self.file.announce(topic, message)
             else:
                 self.file.write(topic, t, message, is_latched=delivery == "latched")
+
+    def rows(
+        self, slot: str, output: str, block: Block, which: Sequence[int]
+    ) -> Sequence[Sequence[tuple[str, bytes]] | None]:
+        """Topics and bytes of the messages of some samples of a block; None of those that `write` makes."""
+        each = [None] * len(which)
+        maker = self._maker(slot, output, block.kind)
+        if not _takes_many(maker, block.kind) or len(which) < 2:
+            return each
+        try:
+            sent = [*maker(Many(block, which))]
+        except Uneven:
+            return each
+        made = [self.file.rows(topic, draft) for topic, draft, _ in sent if isinstance(draft, Draft)]
+        if None in made or len(made) < len(sent):
+            return each
+        topics = [topic for topic, _, _ in sent]
+        return [[*zip(topics, data, strict=True)] for data in zip(*made, strict=True)]
 
     def save(self) -> dict[tuple[str, str, type[Signal]], dict[str, Any]]:
         """What the makers remember, by slot, output and type of the sample."""

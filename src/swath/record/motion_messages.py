@@ -20,9 +20,9 @@ import numpy as np
 from swath.core.frames import Pose, wrap_angle
 from swath.core.schedule import NS
 from swath.field.maps.projection import Origin
-from swath.record.message_factory import EXACT, UNKNOWN, Draft, Sent, Source
+from swath.record.message_factory import EXACT, UNKNOWN, Draft, Sent, Source, place_of
 from swath.record.positioning_messages import nav_sat_fix
-from swath.signals import F64, Fix, MachineState, Odometry, SpeedCommand, SteerState
+from swath.signals import F64, Fix, MachineState, Odometry
 from swath.signals.setup import MachineGeometry
 
 CHASSIS, HEADER, RUBBER = (0.42, 0.56, 0.14, 1.0), (0.8, 0.8, 0.78, 1.0), (0.15, 0.15, 0.15, 1.0)
@@ -175,13 +175,18 @@ class StateMessages:
         has_receiver = Fix in source.machine.outputs.values()
         self._origin = None if has_receiver else source.machine.origin
 
-    def __call__(self, state: MachineState) -> Iterator[Sent]:
-        """The messages of one sample."""
+    @property
+    def takes_many(self) -> bool:
+        """Whether it makes the messages of many samples at once."""
+        return not self._is_first and self._origin is None
+
+    def __call__(self, state: Any) -> Iterator[Sent]:
+        """The messages of one sample, or of many."""
         source = self.source
         if self._is_first:
             self._is_first = False
             yield from scene_messages(source)
-        place = (*state.pose.position.tolist(), *state.pose.quaternion())
+        place = place_of(state.pose)
         motion = (state.speed, state.lateral_speed, state.yaw_rate)
         yield Sent(source.topic, Draft(state.t, ODOMETRY, place + motion, lambda: self._odometry(state)))
         yield Sent("/tf", Draft(state.t, TRANSFORM, place, lambda: self._moved(state), source.base))
@@ -260,20 +265,23 @@ class OdometryMessages:
         return make.odometry(header, source.base, pose, twist, place.ravel(), motion.ravel())
 
 
-def steering_messages(source: Source, state: SteerState) -> Iterator[Sent]:
+def steering_messages(source: Source, state: Any) -> Iterator[Sent]:
     """ackermann_msgs/AckermannDriveStamped of the angle and its rate."""
     make = source.make
-    angle, rate = float(state.angle), float(state.rate)
 
     def build() -> Any:
-        drive = make("ackermann_msgs/msg/AckermannDrive", steering_angle=angle, steering_angle_velocity=rate)
+        drive = make(
+            "ackermann_msgs/msg/AckermannDrive",
+            steering_angle=float(state.angle),
+            steering_angle_velocity=float(state.rate),
+        )
         header = make.header(state.t, source.base)
         return make("ackermann_msgs/msg/AckermannDriveStamped", header=header, drive=drive)
 
-    yield Sent(source.topic, Draft(state.t, STEERING, (angle, rate), build))
+    yield Sent(source.topic, Draft(state.t, STEERING, (state.angle, state.rate), build))
 
 
-def speed_messages(source: Source, command: SpeedCommand) -> Iterator[Sent]:
+def speed_messages(source: Source, command: Any) -> Iterator[Sent]:
     """geometry_msgs/TwistStamped of the wanted speed."""
 
     def build() -> Any:

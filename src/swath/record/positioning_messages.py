@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.record.message_factory import EXACT, UNKNOWN, Draft, MessageFactory, Sent, Source
+from swath.record.message_factory import EXACT, UNKNOWN, Draft, MessageFactory, Sent, Source, common
 from swath.signals import F64, FIX_QUALITIES, Fix, Inertial, PoseEstimate
 
 STATUS = {"none": -1, "single": 0, "dgps": 1, "float": 2, "fix": 2}  # sensor_msgs/NavSatStatus
@@ -26,10 +26,10 @@ def fix_messages(source: Source, fix: Fix) -> Iterator[Sent]:
     yield Sent(source.topic + BESIDE, _odometry(source, fix), "" if fix.quality else "announced")
 
 
-def imu_messages(source: Source, sample: Inertial) -> Iterator[Sent]:
+def imu_messages(source: Source, sample: Any) -> Iterator[Sent]:
     """sensor_msgs/Imu, gravity included (REP 145); it knows no orientation."""
     values = (sample.rate_x, sample.rate_y, sample.rate_z, sample.force_x, sample.force_y, sample.force_z)
-    variant = (sample.rate_sd, sample.force_sd)
+    variant = common(sample.rate_sd), common(sample.force_sd)
     yield Sent(source.topic, Draft(sample.t, INERTIAL, values, lambda: _imu(source, sample), variant))
 
 

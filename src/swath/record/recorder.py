@@ -2,7 +2,7 @@
 
 import json
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,8 +10,10 @@ from types import TracebackType
 from typing import Any
 
 from swath import __version__
+from swath.core.blocks import Block, Seen, no_look
 from swath.core.errors import InputError
 from swath.core.schedule import NS
+from swath.core.process.stopping import unstopped
 from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
 from swath.record.message_factory import Draft, RecordedMachine, plain_names
@@ -20,6 +22,7 @@ from swath.record.samples import BLOCK_NS, Blocks, is_recordable
 from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
 from swath.signals import Signal
 
+Made = Sequence[tuple[str, bytes]] | None  # topics and bytes of a sample's messages; None: not yet made
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
 TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
@@ -70,6 +73,7 @@ class Recorder:
         self._t = -1  # of the newest samples [ns]
         self._waiting: deque[_Waiting] | None = None  # what is still to be written, None = nothing may wait
         self._latest = LATEST
+        self.look: Callable[[], None] = no_look
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
             if scenario:
@@ -97,14 +101,65 @@ class Recorder:
         while waiting and waiting[0][0] <= t - self._latest:
             self.write_next()
 
-    @cached_property
+    @property
+    def is_late(self) -> bool:
+        """Nobody hears the messages, none is written between ticks, no column changes with an evaluator."""
+        every = (column for columns in self._more.values() for column in columns)
+        is_live = any(column.later is None and not column.rests() for column in every)
+        return not is_live and self._waiting is None and not (self.file and self.file.taps)
+
+    def take(self, seen: Seen) -> None:
+        """Record what slots published since the last call, in order."""
+        with unstopped():
+            blocks = sorted(seen.blocks, key=lambda block: int(block.orders[0]))
+            made = [(block, block.times.tolist(), *self._prepared(block)) for block in blocks]
+            every = [(order, n, k) for n, b in enumerate(blocks) for k, order in enumerate(b.orders.tolist())]
+            for _, n, k in sorted(every):
+                block, times, sink, messages = made[n]
+                self._begin_tick(times[k])
+                if sink.tracks is not None:
+                    sink.tracks.take_of(times[k], sink.source, block, k)
+                if (to := sink.messenger) is None:
+                    continue
+                if (ready := messages[k]) is None:
+                    to.write(sink.part, block.output, times[k], block.sample(k))
+                for topic, data in ready or ():
+                    to.file.add(topic, times[k], data)
+                if sink.blocks is not None:
+                    sink.blocks.take(times[k], block, k)
+                    if sink.blocks.is_full:
+                        self._full.append(sink.blocks)
+
+    def _prepared(self, block: Block) -> tuple["_Sink", list[Made]]:
+        """What takes the samples of a block, and the messages of each that are made already."""
+        slot, output, times = block.slot, block.output, block.times.tolist()
+        sink = self._sinks.get((slot, output))
+        if sink is None:
+            sink = self._sinks[slot, output] = self._sink(slot, output, block.sample(0))
+        if sink.messenger is None:
+            return sink, []
+        due = [k for k, t in enumerate(times) if self._is_due(sink, t)]
+        which = due if self._detail == "thinned" else range(len(times))
+        sink.left_out += len(times) - len(which)
+        found: list[Made] = [()] * len(times)
+        for k, ready in zip(which, sink.messenger.rows(sink.part, output, block, which), strict=True):
+            found[k] = ready
+        return sink, found
+
+    @property
     def tracks(self) -> dict[str, Tracks]:
         """Tracks of each machine."""
+        self.look()
+        return self._tracks
+
+    @cached_property
+    def _tracks(self) -> dict[str, Tracks]:
         return {m.name: Tracks(m, PERIOD, tuple(self._more.get(m.name, ()))) for m in self._machines}
 
     @property
     def left_out(self) -> str:
         """Of a thinned recording how many samples have no message, by slot and output; "" = none."""
+        self.look()
         left_out = [
             f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out
         ]
@@ -153,6 +208,7 @@ class Recorder:
 
     def write_waiting(self) -> None:
         """Write all that waits."""
+        self.look()
         while self.write_next():
             pass
 
@@ -200,6 +256,7 @@ class Recorder:
         """Complete both files. Calling it again does nothing."""
         if self._is_closed:
             return
+        self.look()
         self._is_closed = True
         try:
             if self._detail != "none":
@@ -247,7 +304,7 @@ class Recorder:
 
     def _empty_sink(self, slot: str, output: str) -> "_Sink":
         name, _, part = slot.partition(".")
-        return _Sink(part, f"{part}.{output}", self.tracks.get(name), self._messengers.get(name))
+        return _Sink(part, f"{part}.{output}", self._tracks.get(name), self._messengers.get(name))
 
     def _new_blocks(self, slot: str, output: str) -> Blocks:
         share = len(self._sinks) * PHASE % 1.0  # of a block: outputs write theirs in different ticks

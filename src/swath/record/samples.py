@@ -12,6 +12,7 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
+from swath.core.blocks import Block
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.schedule import NS
@@ -43,6 +44,7 @@ class Blocks:
         self._length = first_ns
         self.file, self.topic = file, topic + SUFFIX
         self._samples: list[Any] = []
+        self._pieces: list[tuple[Block, int, int]] = []  # in their place: of blocks of the run, from, to
         self._published: list[int] = []  # [ns]
         self._signal: type[Signal] | None = None
         self._poses: list[
@@ -52,20 +54,43 @@ class Blocks:
 
     def add(self, t: int, signal: Signal) -> None:
         """Add a sample published at t [ns]. Raises TypeError for a field that cannot be recorded."""
+        self._begin(signal)
+        self._come_apart()
+        self._samples.append(signal)
+        self._published.append(t)
+
+    def take(self, t: int, block: Block, k: int) -> None:
+        """As `add`, one of the samples of a block of the run."""
+        if not self._published or block.kind is not self._signal:
+            self._begin(block.sample(k))
+        if self._samples or not block.is_even:
+            self.add(t, block.sample(k))
+            return
+        before = self._pieces[-1] if self._pieces else None
+        if before is not None and before[0] is block:
+            self._pieces[-1] = block, before[1], k + 1
+        else:
+            self._pieces.append((block, k, k + 1))
+        self._published.append(t)
+
+    def _begin(self, signal: Signal) -> None:
         if type(signal) is not self._signal:
             self.flush()
             self._signal = type(signal)
             self._names = leaf_names(signal)
-            taken, self._poses = _taken(signal, self._names)
-            self._values = attrgetter(*taken, "t", "t")  # a tuple also of no field
+            self._whole, self._poses = _taken(signal, self._names)
+            self._values = attrgetter(*self._whole, "t", "t")  # a tuple also of no field
         if not self._published:
             row = [attrgetter(name)(signal) for name in self._names]
             for value in row:
                 _kind(value)
             size = sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
             self._most = max(1, -(-BLOCK_BYTES // max(size, 1)))
-        self._samples.append(signal)
-        self._published.append(t)
+
+    def _come_apart(self) -> None:
+        """Make samples of the pieces."""
+        self._samples += [block.sample(k) for block, a, b in self._pieces for k in range(a, b)]
+        self._pieces = []
 
     @property
     def is_full(self) -> bool:
@@ -75,6 +100,7 @@ class Blocks:
 
     def save(self) -> dict[str, Any]:
         """Samples that wait for their block."""
+        self._come_apart()
         waiting = {"samples": list(self._samples), "published": list(self._published)}
         return {**waiting, "most": self._most, "length": self._length}
 
@@ -87,15 +113,20 @@ class Blocks:
 
     def flush(self) -> None:
         """Write what has been added, in blocks whose columns are each of one kind."""
+        columns = self._joined()
+        if columns is None:
+            self._come_apart()
         samples, published = self._samples, self._published
-        self._samples, self._published = [], []
-        if not samples:
+        self._samples, self._pieces, self._published = [], [], []
+        if not published:
             return
         self._length = BLOCK_NS
+        if columns is not None:
+            *taken, t = columns
+            self._write(self._with_poses(taken), published, t.tolist())
+            return
         *taken, t, _ = zip(*map(self._values, samples), strict=True)
-        columns: list[_Column] = [*taken]
-        for place in self._poses:  # from the last one on
-            columns[place : place + 1] = _of_poses(taken[place])
+        columns = self._with_poses(taken)
         if all(map(_is_even, columns)):
             self._write(columns, published, t)
             return
@@ -105,6 +136,25 @@ class Blocks:
             if i == len(forms) or forms[i] != forms[first]:
                 self._write([c[first:i] for c in columns], published[first:i], t[first:i])
                 first = i
+
+    def _with_poses(self, taken: Sequence[_Column]) -> list[_Column]:
+        """Columns of positions and rotations in place of whole poses."""
+        columns: list[_Column] = [*taken]
+        for place in self._poses:  # from the last one on
+            columns[place : place + 1] = _of_poses(taken[place])
+        return columns
+
+    def _joined(self) -> list[Any] | None:
+        """Columns of the pieces, at last that of `t`; None where they have none in common."""
+        if not self._pieces or any("." in name for name in self._whole):
+            return None
+        found = []
+        for name in (*self._whole, "t"):
+            parts = [block[name][a:b] for block, a, b in self._pieces]
+            if parts[0].dtype.kind not in "fiub" or len({(p.dtype, p.shape[1:]) for p in parts}) > 1:
+                return None
+            found.append(np.concatenate(parts))
+        return found
 
     def _write(self, values: Sequence[_Column], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
@@ -136,8 +186,10 @@ def _taken(signal: Signal, names: Sequence[str]) -> tuple[list[str], list[int]]:
     return taken, poses
 
 
-def _of_poses(poses: Sequence[Any]) -> tuple[_Column, _Column]:
+def _of_poses(poses: Any) -> tuple[_Column, _Column]:
     """Their positions and rotations; where their plain numbers are at hand, as mostly, in one array each."""
+    if isinstance(poses, np.ndarray):
+        return poses[:, :3], poses[:, 3:].reshape(-1, 3, 3)
     if all(type(pose) is Pose and pose.is_plain for pose in poses):
         numbers = [pose.numbers for pose in poses]
         return np.array([place for place, _ in numbers]), np.array([rows for _, rows in numbers])
@@ -242,9 +294,15 @@ def _kind(value: Any) -> str:
     raise TypeError(f"a sample field of type {type(value).__name__} cannot be recorded")
 
 
+def _kind_of(column: _Column) -> str:
+    if isinstance(column, np.ndarray) and column.ndim == 1:
+        return {"f": "float", "b": "bool"}.get(column.dtype.kind, "int")
+    return _kind(column[0])
+
+
 def _columns_of(columns: Sequence[_Column]) -> list[tuple[str, bool, bytes]]:
     """Of each its entry in `kinds`, whether its values are one and the same array, bit for bit, its bytes."""
-    kinds = [_kind(values[0]) for values in columns]
+    kinds = [_kind_of(values) for values in columns]
     held = [isinstance(v[0], np.ndarray) and _are_same(v[0], v) for v in columns]
     arrays = []
     for values, kind, is_held in zip(columns, kinds, held, strict=True):

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.blocks import Block
 from swath.core.errors import InputError, SwathError
 from swath.core.files.unnamed_file import UnnamedFile
 from swath.core.files.whole_file import new_file
@@ -45,6 +46,7 @@ class Column:
     source: what its value depends on alone, a key of the newest samples; None where it depends on more
     field: of the newest sample of the source, "" where the value is not of one
     number: from what it holds
+    rests: whether its value stays, so that rows may be made later than their time
     """
 
     name: str
@@ -56,6 +58,7 @@ class Column:
     is_by_row: bool = False
     field: str = ""
     number: Callable[[Any], float] = float
+    rests: Callable[[], bool] = lambda: False
 
 
 def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
@@ -161,6 +164,7 @@ class Tracks:
         self._values: list[tuple[Any, list[float]]] = [(None, []) for _ in self._groups]  # of the last row
         self._rows, self._stored = array("d"), UnnamedFile()
         self._latest: dict[Any, Signal] = {}  # by type; of a further output of a type by its name
+        self._newer: dict[Any, tuple[Block, int]] = {}  # the same, not yet made
         self._further = {o for o, kind in machine.outputs.items() if o != _first(machine, kind)}
         self._period, self._due, self._is_open = period, 0, False
 
@@ -170,17 +174,34 @@ class Tracks:
             self._latest[output] = signal
             return
         if isinstance(signal, MachineState):
-            self._finish_row()
-            if t >= self._due:
-                self._is_open = True
-                self._due = (t // self._period + 1) * self._period
+            self._next_row(t)
         self._latest[type(signal)] = signal
+
+    def take_of(self, t: int, output: str, block: Block, k: int) -> None:
+        """The same of one of the samples of a block."""
+        if output in self._further:
+            self._newer[output] = block, k
+            return
+        if issubclass(block.kind, MachineState):
+            self._next_row(t)
+        self._newer[block.kind] = block, k
+
+    def _next_row(self, t: int) -> None:
+        self._finish_row()
+        if t >= self._due:
+            self._is_open = True
+            self._due = (t // self._period + 1) * self._period
+
+    def _make_newer(self) -> None:
+        self._latest |= {key: block.sample(k) for key, (block, k) in self._newer.items()}
+        self._newer = {}
 
     def save(self) -> dict[str, Any]:
         """What is not in the rows so far, and how many these are. SwathError where rows do not say it all."""
         for column in self.columns:
             if column.later is not None and column.value is not Column.value:
                 raise SwathError(f"column {column.name} is judged later, its rows cannot be read back")
+        self._make_newer()
         self._store()
         rows = self._stored.size // (8 * len(self.columns))
         kept = {"latest": dict(self._latest), "due": self._due, "is_open": self._is_open}
@@ -204,6 +225,7 @@ class Tracks:
 
         names: of columns that are looked at; others that are worked out from the row are left out
         """
+        self._make_newer()
         if MachineState not in self._latest:
             return {}
         found = {c.name: np.array([c.value(self._latest)]) for c in self.columns}
@@ -265,6 +287,8 @@ class Tracks:
         }
 
     def _finish_row(self) -> None:
+        if self._is_open:
+            self._make_newer()
         if self._is_open and MachineState in self._latest:
             for i, (source, columns, read) in enumerate(self._groups):
                 sample = self._latest.get(source)

@@ -75,7 +75,7 @@ class ContactWatch:
             return self._clearance
 
         meaning = "to the nearest obstacle or machine, a lower bound above 5 m; nan = none within 50 m"
-        return (Column("clearance_m", "m", meaning, clearance),)
+        return (Column("clearance_m", "m", meaning, clearance, rests=lambda: self.setup.bodies.is_alone),)
 
     def events(self) -> Sequence[Event]:
         """Every contact, of two machines only in the list of the first by name."""
