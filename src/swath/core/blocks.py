@@ -219,7 +219,7 @@ class Block:
         """When each was sent [ns]."""
         return np.array(self.pile.times[: self._count], np.int64)
 
-    @property
+    @cached_property
     def is_even(self) -> bool:
         """Whether they came in arrays, of numbers or flags."""
         return not self.pile.each and all(a.dtype != object for a in self.pile.arrays.values())

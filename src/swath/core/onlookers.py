@@ -50,14 +50,13 @@ class Onlookers:
 
     def __init__(self, observers: Sequence[Any], watches: Mapping[str, Callable[..., None]]) -> None:
         self._watches, self._known = watches, [*observers]
-        self.takers = [o for o in observers if isinstance(o, TakesBlocks) and o.is_late]
+        self.takers = _late(observers)
         self.enders = [o for o in observers if isinstance(o, EndsRun)]
-        self._late = {*map(id, self.takers)}
 
     def is_same(self, observers: Sequence[Any], watches: Mapping[str, Callable[..., None]]) -> bool:
-        """Whether nobody came or went since."""
-        known = self._known
-        return self._watches is watches and len(observers) == len(known) and all(map(is_, observers, known))
+        """Whether nobody came or went since, and the same look now and then."""
+        pairs = (observers, self._known), (_late(observers), self.takers)
+        return self._watches is watches and all(len(a) == len(b) and all(map(is_, a, b)) for a, b in pairs)
 
     def takes(self, slot: str, kind: type[Signal]) -> bool:
         """Whether one of them takes samples of a type from a slot."""
@@ -68,11 +67,16 @@ class Onlookers:
         if (watch := self._watches.get(slot)) is not None:
             yield -1, Looker(watch, watch)
         for place, observer in enumerate(self._known):
-            if id(observer) not in self._late:
+            if not any(observer is taker for taker in self.takers):
                 yield place, Looker(observer, _as_it_is(observer))
             elif isinstance(observer, LooksOn):
                 for looker in observer.lookers(slot, kinds):
                     yield place, looker
+
+
+def _late(observers: Sequence[Any]) -> list[Any]:
+    """Those that look now and then."""
+    return [o for o in observers if isinstance(o, TakesBlocks) and o.is_late]
 
 
 def _as_it_is(observer: Callable[..., None]) -> Callable[[str, int, Shown], None]:

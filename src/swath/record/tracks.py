@@ -150,6 +150,21 @@ class EvenRows:
         return {name: np.concatenate([piece[name] for piece in pieces]) for name in (pieces or [{}])[0]}
 
 
+class _Newest(dict[Any, Any]):
+    """The newest samples; one of a block, held as (block, place), is made where it is asked for."""
+
+    def __getitem__(self, key: Any) -> Any:
+        value = super().__getitem__(key)
+        if isinstance(value, tuple):
+            block, k = value
+            value = self[key] = block.sample(k)
+        return value
+
+    def get(self, key: Any, default: Any = None) -> Any:
+        value = super().get(key, default)
+        return self[key] if isinstance(value, tuple) else value
+
+
 class Tracks:
     """Collects the rows of one machine.
 
@@ -163,8 +178,7 @@ class Tracks:
         self._groups = [(source, columns, _reader(columns)) for source, columns in groups]
         self._values: list[tuple[Any, list[float]]] = [(None, []) for _ in self._groups]  # of the last row
         self._rows, self._stored = array("d"), UnnamedFile()
-        self._latest: dict[Any, Signal] = {}  # by type; of a further output of a type by its name
-        self._newer: dict[Any, tuple[Block, int]] = {}  # the same, not yet made
+        self._latest = _Newest()  # by type; of a further output of a type by its name
         self._further = {o for o, kind in machine.outputs.items() if o != _first(machine, kind)}
         self._period, self._due, self._is_open = period, 0, False
 
@@ -180,11 +194,11 @@ class Tracks:
     def take_of(self, t: int, output: str, block: Block, k: int) -> None:
         """The same of one of the samples of a block."""
         if output in self._further:
-            self._newer[output] = block, k
+            self._latest[output] = block, k
             return
         if issubclass(block.kind, MachineState):
             self._next_row(t)
-        self._newer[block.kind] = block, k
+        self._latest[block.kind] = block, k
 
     def _next_row(self, t: int) -> None:
         self._finish_row()
@@ -192,19 +206,15 @@ class Tracks:
             self._is_open = True
             self._due = (t // self._period + 1) * self._period
 
-    def _make_newer(self) -> None:
-        self._latest |= {key: block.sample(k) for key, (block, k) in self._newer.items()}
-        self._newer = {}
-
     def save(self) -> dict[str, Any]:
         """What is not in the rows so far, and how many these are. SwathError where rows do not say it all."""
         for column in self.columns:
             if column.later is not None and column.value is not Column.value:
                 raise SwathError(f"column {column.name} is judged later, its rows cannot be read back")
-        self._make_newer()
         self._store()
         rows = self._stored.size // (8 * len(self.columns))
-        kept = {"latest": dict(self._latest), "due": self._due, "is_open": self._is_open}
+        latest = {key: self._latest[key] for key in self._latest}
+        kept = {"latest": latest, "due": self._due, "is_open": self._is_open}
         return {"rows": rows, "columns": [c.name for c in self.columns], **kept}
 
     def load(self, state: Mapping[str, Any], table: Mapping[str, np.ndarray]) -> None:
@@ -218,14 +228,13 @@ class Tracks:
         empty = np.full(rows, NAN)
         found = [table[c.name][own][:rows] if c.later is None else empty for c in self.columns]
         self._rows = array("d", np.stack(found, axis=1).tobytes())
-        self._latest, self._due, self._is_open = dict(state["latest"]), state["due"], state["is_open"]
+        self._latest, self._due, self._is_open = _Newest(state["latest"]), state["due"], state["is_open"]
 
     def newest(self, names: Container[str] | None = None) -> dict[str, np.ndarray]:
         """Columns of one row at present, (1,) each, kept or not; {} before there is one.
 
         names: of columns that are looked at; others that are worked out from the row are left out
         """
-        self._make_newer()
         if MachineState not in self._latest:
             return {}
         found = {c.name: np.array([c.value(self._latest)]) for c in self.columns}
@@ -287,8 +296,6 @@ class Tracks:
         }
 
     def _finish_row(self) -> None:
-        if self._is_open:
-            self._make_newer()
         if self._is_open and MachineState in self._latest:
             for i, (source, columns, read) in enumerate(self._groups):
                 sample = self._latest.get(source)

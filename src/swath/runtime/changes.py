@@ -123,11 +123,14 @@ class Interventions:
         """Change `key` before the tick at t [ns]. SwathError, and no change, if it cannot be."""
         first, _, rest = key.partition(".")
         self._need_known_files(key, value)
+        lockstep = self.world.graph.lockstep
+        lockstep.look()  # what was sent before is of the world as it was
         with through(self._gate), only_code(self._code):
             if first == OBSTACLES and rest:
                 self._set_obstacle(t, rest, value)
             else:
                 self._set_slot(key, value)
+        lockstep.look_around()
         self.events.append({"t_s": t / NS, "set": key, "value": value})
 
     def check(self, key: str, value: Any) -> None:
