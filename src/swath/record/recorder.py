@@ -12,8 +12,8 @@ from typing import Any
 from swath import __version__
 from swath.core.blocks import Block, Seen, no_look
 from swath.core.errors import InputError
-from swath.core.schedule import NS
 from swath.core.process.stopping import unstopped
+from swath.core.schedule import NS
 from swath.record.formats import ABOUT, RECORDING
 from swath.record.mcap_file import McapFile
 from swath.record.message_factory import Draft, RecordedMachine, plain_names
