@@ -97,6 +97,14 @@ class AllInertial:
         """Zeros."""
         self.rows[:] = 0.0
 
+    def save(self, world: int) -> F64:
+        """The memory of a world."""
+        return self.rows[world, :SAMPLES].copy()
+
+    def load(self, world: int, numbers: F64) -> None:
+        """Take on the memory of one world."""
+        self.rows[world, :SAMPLES] = numbers
+
     def launch(self, trail: Trail) -> Repeated:
         """What lies on a trail into the rows, which lie elsewhere from now on."""
         from swath.control import inertial_kernel

@@ -275,18 +275,26 @@ class EndsWorlds(Protocol, metaclass=ByMembers):
 
 
 class KeepsRows:
-    """`save` and `load` of parts whose state lies in arrays that `kept` names, first axis the world."""
+    """`save` and `load` of parts whose state lies in what `kept` names.
+
+    These are arrays whose first axis is the world, or objects that save a world themselves.
+    """
 
     kept: ClassVar[tuple[str, ...]] = ()
 
     def save(self, world: int) -> State:
         """A copy of everything that is needed to go on exactly."""
-        return {name.lstrip("_"): getattr(self, name)[world].copy() for name in self.kept}
+        held = {name.lstrip("_"): getattr(self, name) for name in self.kept}
+        return {n: v[world].copy() if isinstance(v, np.ndarray) else v.save(world) for n, v in held.items()}
 
     def load(self, world: int, state: State) -> None:
         """Take on a state that `save` gave."""
         for name in self.kept:
-            getattr(self, name)[world] = state[name.lstrip("_")]
+            held, saved = getattr(self, name), state[name.lstrip("_")]
+            if isinstance(held, np.ndarray):
+                held[world] = saved
+            else:
+                held.load(world, saved)
 
 
 @runtime_checkable

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.component import KeepsState
 from swath.core.schedule import NS
 from swath.judge.evaluator import Evaluator, Event, HasEvents
 from swath.signals import Signal
@@ -72,26 +73,20 @@ def restore(evaluator: Evaluator, state: Mapping[str, Any]) -> None:
     vars(evaluator).update(state)
 
 
-class EventFeed:
+class EventFeed(KeepsState):
     """Tells of every event that a window hangs on, once, as soon as it has come so far.
 
     sources: the evaluators that note events of the window's kind
     subject: a machine, or `field`
     """
 
+    kept = ("_open", "_seen")
+
     def __init__(self, window: Window, sources: Sequence[HasEvents], subject: str) -> None:
         self._window, self._subject = window, subject
         self._sources = list(sources)
         self._open: list[list[int]] = [[] for _ in sources]  # events that have not come so far
         self._seen = [0] * len(self._sources)
-
-    def save(self) -> Any:
-        """What has been reported so far."""
-        return [list(waiting) for waiting in self._open], list(self._seen)
-
-    def load(self, state: Any) -> None:
-        """Take on a state that `save` gave."""
-        self._open, self._seen = [list(waiting) for waiting in state[0]], list(state[1])
 
     def fresh(self) -> list[Event]:
         """Events since the last call, in order of time."""

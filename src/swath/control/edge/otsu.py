@@ -16,14 +16,14 @@ from swath.compiled import Compiled
 from swath.control.edge.feet.canopy_offset import CanopyOffset
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import SINCE, TURN, UP
-from swath.control.inertial_memory import SAMPLES, AllInertial
+from swath.control.inertial_memory import AllInertial
 from swath.core.component import Port, State
 from swath.core.ops import Call
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples, field_of
+from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
 from swath.core.units import DEG, MM
 from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared, start_warp
 from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
@@ -100,8 +100,10 @@ NAMES = "offset", "heading", "curvature", "confidence", "crop_height", "stubble_
 ANGLES = "azimuth", "elevation", "beam_t"
 
 
-class Detectors(Compiled):
+class Detectors(KeepsRows, Compiled):
     """The detectors of many worlds."""
+
+    kept = ("_states", "_seen", "_heights", "_inertial")
 
     reads: ClassVar = {"scan": Scan, "odometry": Odometry}
     hears: ClassVar = {"inertial": Inertial}
@@ -178,20 +180,12 @@ class Detectors(Compiled):
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
         count = int(self._states.of["rows"][world])
-        return {
-            "state": self._states.save(world),
-            "track": self._tracks[world, :count].copy(),
-            "seen": self._seen[world].copy(),
-            "heights": self._heights[world].copy(),
-            "inertial": self._inertial.rows[world, :SAMPLES].copy(),
-        }
+        return {**super().save(world), "track": self._tracks[world, :count].copy()}
 
     def load(self, world: int, state: State) -> None:
         """Take on a state that `save` gave."""
-        self._states.load(world, state["state"])
+        super().load(world, state)
         self._tracks[world, : len(state["track"])] = state["track"]
-        self._seen[world], self._heights[world] = state["seen"], state["heights"]
-        self._inertial.rows[world, :SAMPLES] = state["inertial"]
 
     def _aim(self, scan: Samples | Scan | None) -> None:
         """Directions of the beams of a scan, where they are others than before."""

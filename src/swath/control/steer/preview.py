@@ -31,14 +31,14 @@ from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
 from swath.control.inclination import CRAB, Inclination
-from swath.control.inertial_memory import SAMPLES, AllInertial
+from swath.control.inertial_memory import AllInertial
 from swath.control.steer.plant_model import PREVIEW, SLIP_LIMIT, ActuatorModel, SlipObserver
 from swath.control.yaw_rate import YawRate
-from swath.core.component import Port, State
+from swath.core.component import Port
 from swath.core.random import Stream
 from swath.core.registry import Checked, Level
 from swath.core.rows import row_of
-from swath.core.together import InWorlds, Samples
+from swath.core.together import InWorlds, KeepsRows, Samples
 from swath.core.units import CM, DEG
 from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
@@ -127,8 +127,10 @@ class Preview(InWorlds):
         steerers.commanded(0, curvature)
 
 
-class Steerers(Compiled):
+class Steerers(KeepsRows, Compiled):
     """The parts of many worlds, stepped together."""
+
+    kept = ("_states", "_pending", "_upward", "_turning")
 
     reads: ClassVar = {"edge": CropEdge, "odometry": Odometry}
     hears: ClassVar = {"inertial": Inertial}
@@ -151,7 +153,7 @@ class Steerers(Compiled):
         self._pending[:] = 0.0
         for world, part in enumerate(self._parts):
             for memory, own in zip((self._upward, self._turning), part.memories, strict=True):
-                memory.rows[world, :SAMPLES] = own
+                memory.load(world, own)
         self.sent["command"].memory[:] = 0
         return self.sent_at(0)
 
@@ -178,22 +180,6 @@ class Steerers(Compiled):
             *memories,
             repeatable(kernel.steer, law, threads=self.worlds),
         ]
-
-    def save(self, world: int) -> State:
-        """Everything that is needed to go on exactly."""
-        numbers = (memory.rows[world, :SAMPLES].copy() for memory in (self._upward, self._turning))
-        return {
-            "state": self._states.save(world),
-            "pending": self._pending[world].copy(),
-            "memories": [*numbers],
-        }
-
-    def load(self, world: int, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self._states.load(world, state["state"])
-        self._pending[world] = state["pending"]
-        for memory, own in zip((self._upward, self._turning), state["memories"], strict=True):
-            memory.rows[world, :SAMPLES] = own
 
     def commanded(self, world: int, curvature: float) -> None:
         """As `Preview.was_commanded`."""

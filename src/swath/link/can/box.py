@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from swath.core.component import KeepsState
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -23,15 +24,15 @@ from swath.scenario.slots import REGISTRY
 from swath.signals import SteerCommand
 from swath.signals.setup import ControlSetup
 
-STATE = ("_t", "_speed", "_curvature", "_line", "_must_release", "answer_count")
 
-
-class ControllerBox:
+class ControllerBox(KeepsState):
     """A steering law that is connected to the machine by a bus.
 
     law: component of the slot `steer`
     period: of the machine's cycle [ns]; wheelbase [m]
     """
+
+    kept = ("_t", "_speed", "_curvature", "_line", "_must_release", "answer_count", "_law")
 
     def __init__(self, law: Any, node: Node, *, period: int, wheelbase: float) -> None:
         self._law, self._node = law, node
@@ -88,15 +89,6 @@ class ControllerBox:
             {"CurvatureCommand": guidance.to_bus(command.curvature), "CurvatureCommandStatus": int(is_meant)},
         )
         self.answer_count += 1
-
-    def save(self) -> dict[str, Any]:
-        """Everything but the bus."""
-        return {"own": {name: vars(self)[name] for name in STATE}, "law": self._law.save()}
-
-    def load(self, state: Mapping[str, Any]) -> None:
-        """Take on a state that `save` gave."""
-        vars(self).update(state["own"])
-        self._law.load(state["law"])
 
 
 def make_law(

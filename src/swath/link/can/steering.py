@@ -11,13 +11,13 @@ steering.
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -96,8 +96,10 @@ class Params:
         return make_law(self.law, self.law_keys, control, **more)
 
 
-class CanSteering:
-    """The machine's node on a bus, steered by a controller box."""
+class CanSteering(KeepsState):
+    """The machine's node on a bus, steered by a controller box; an external box keeps its own state."""
+
+    kept = ("_guidance", "_cycle", "_distance", "_peer", "_box")
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
         kind = kind_of(setup.slot)
@@ -160,19 +162,6 @@ class CanSteering:
         if not self._p.lock_step and self._guidance.is_overdue(end):
             self._released(end)
         return {"command": self._guidance.command}
-
-    def save(self) -> State:
-        """State of the machine's side and of a stand-in inside the run; an external box keeps its own."""
-        box = None if self._box is None else self._box.save()
-        own = (self._cycle, self._distance, self._peer)
-        return {"guidance": replace(self._guidance), "own": own, "box": box}
-
-    def load(self, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self._guidance = replace(state["guidance"])
-        self._cycle, self._distance, self._peer = state["own"]
-        if self._box is not None:
-            self._box.load(state["box"])
 
     def close(self) -> None:
         """Switch the machine off and leave the bus. Calling it again does nothing."""

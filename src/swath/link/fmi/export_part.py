@@ -14,7 +14,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from swath.core.component import Outputs, State
+from swath.core.component import KeepsState, Outputs
 from swath.core.errors import InputError
 from swath.core.graph import Graph
 from swath.core.schedule import NS, Slot
@@ -27,12 +27,13 @@ Source = tuple[str, str]  # slot, output
 
 
 @dataclasses.dataclass
-class Held:
+class Held(KeepsState):
     """An input sample as it was set: values by number, held until set again.
 
     is_given: False while nothing is known of it, which the component sees as None
     """
 
+    kept = ("values", "is_given")
     values: dict[str, Any]
     is_given: bool
 
@@ -42,8 +43,10 @@ class Held:
         self.is_given = True
 
 
-class Feed:
+class Feed(KeepsState):
     """Puts one input into a graph: where samples queue up, each arrives once and every amount is kept."""
+
+    kept = ("held", "_pending", "_length", "_sample", "_is_fresh")
 
     def __init__(
         self, graph: Graph, source: Source, held: Held, readers: list[Slot], is_queued: bool
@@ -103,24 +106,11 @@ class Feed:
             self._length += t - self._since
             self._since = t
 
-    def save(self) -> State:
-        """What is held and what waits."""
-        return {
-            "held": (dict(self.held.values), self.held.is_given),
-            "waiting": (dict(self._pending), self._length),
-            "sample": (self._sample, self._is_fresh),
-        }
 
-    def load(self, state: State) -> None:
-        """Take on a state that `save` gave."""
-        values, self.held.is_given = state["held"]
-        pending, self._length = state["waiting"]
-        self.held.values, self._pending = dict(values), dict(pending)
-        self._sample, self._is_fresh = state["sample"]
-
-
-class Part:
+class Part(KeepsState):
     """Runs a world that was assembled with `only`; `inputs`: what its graph has outside, as it is set."""
+
+    kept = ("world", "_feeds", "_sums", "_origin", "_step_s")
 
     def __init__(self, world: World, inputs: Mapping[Source, Held]) -> None:
         self.world, graph = world, world.graph
@@ -183,24 +173,6 @@ class Part:
                 summed = self._sums.get((slot, output))
                 return 0.0 if summed is None else read(summed, name)
         return sample.t / NS if name == "t" else read(sample, name)
-
-    def save(self) -> State:
-        """Everything that changes while running."""
-        return {
-            "world": self.world.save(),
-            "feeds": {source: feed.save() for source, feed in self._feeds.items()},
-            "sums": dict(self._sums),
-            "origin": self._origin,
-            "step": self._step_s,
-        }
-
-    def load(self, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self.world.load(state["world"])
-        for source, feed in self._feeds.items():
-            feed.load(state["feeds"][source])
-        self._sums = dict(state["sums"])
-        self._origin, self._step_s = state["origin"], state["step"]
 
     def _place(self, source: Source) -> None:
         """Bodies of the machines stand where the motion from outside says."""

@@ -12,11 +12,11 @@ import numpy as np
 from annotated_types import Gt, Le
 
 from swath.compiled import Compiled
-from swath.core.component import Port, State
+from swath.core.component import Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
-from swath.core.together import InWorlds, Samples
+from swath.core.together import InWorlds, KeepsRows, Samples
 from swath.field.edges.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared
@@ -53,8 +53,10 @@ class ProfileHeader(InWorlds):
         return Headers(parts)
 
 
-class Headers(Compiled):
-    """The headers of many worlds."""
+class Headers(KeepsRows, Compiled):
+    """The headers of many worlds. Kept is where a knife was; the cut itself is the field's."""
+
+    kept = ("_cuttings",)
 
     hears: ClassVar = {"state": MachineState}
 
@@ -91,14 +93,6 @@ class Headers(Compiled):
         """A knife that goes where it cannot ends its world."""
         for world in np.flatnonzero(self._cuttings.of["is_refused"]).tolist():
             self.errors[world] = refused("second pass, or a drive against the edge's direction")
-
-    def save(self, world: int) -> State:
-        """Where a knife was; the cut itself is the field's."""
-        return {"cutting": self._cuttings.save(world)}
-
-    def load(self, world: int, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self._cuttings.load(world, state["cutting"])
 
 
 def _taken(struct: Any, part: ProfileHeader) -> Any:
