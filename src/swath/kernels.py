@@ -165,7 +165,7 @@ class Repeated:
         self._prepare()
 
     def _prepare(self) -> None:
-        """`launch`: the compiled function itself; Warp's own way where this Warp is built otherwise."""
+        """Set `launch` to the compiled function, or to Warp's own launch where Warp hides the function."""
         self.launch: Callable[[], Any] = self._recorded.launch
         self._blocks: tuple[Any, Any, Any] | None = None
         try:
@@ -181,8 +181,9 @@ class Repeated:
             self._blocks = forward, bounds, packed
 
     def addresses(self) -> tuple[int, int, int] | None:
-        """Of the compiled function, the bounds and the arguments, for life; None where this Warp hides
-        them.
+        """Addresses of the compiled function, its bounds and its arguments; None where Warp hides them.
+
+        They hold as long as this object lives.
         """
         if self._blocks is None:
             return None

@@ -95,7 +95,7 @@ def known_types() -> dict[str, type]:
 
 
 def _user_type(name: str) -> type | None:
-    """A record of a user's file that has been loaded, which whoever started the run has allowed."""
+    """A record class of a user's file, if that file is loaded already; whoever started the run allowed it."""
     module, _, path = name.partition(":")
     found: Any = sys.modules.get(module) if module.startswith(USER_MODULE) else None
     for part in path.split("."):
@@ -117,7 +117,7 @@ def _fields(kind: type) -> Sequence[str] | None:
 
 
 class _Writer:
-    """Plain trees of values. Objects get the numbers in which the reader meets them."""
+    """Plain trees of values. Objects are numbered in the order in which the reader will make them."""
 
     def __init__(self, shared: Mapping[str, Any]) -> None:
         self.types: list[str] = []
@@ -231,7 +231,7 @@ class _Reader:
         return found
 
     def _whole(self, kind: str, content: Any) -> Any:
-        """A value that is there when all that is in it is."""
+        """A value that can only be made once all of its parts are made, so that no part can refer to it."""
         if kind in SEQUENCES:
             return SEQUENCES[kind](map(self.made, content))
         if kind in RAW:
@@ -286,7 +286,7 @@ class _Reader:
 
 
 def _dtype(described: Any) -> np.dtype[Any]:
-    """The dtype of its description, of whose tuples JSON made lists."""
+    """The dtype that a description stands for; JSON has turned the tuples of the description into lists."""
     given: Any = described if isinstance(described, str) else [tuple(part) for part in described]
     found = np.lib.format.descr_to_dtype(given)
     if found.hasobject:

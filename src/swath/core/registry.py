@@ -76,9 +76,9 @@ class Level:
     is_link: somebody else's part, which may fill any slot: made with a `core.setup.LinkSetup`
     checked: ranges in which it was checked; nothing is known of a quantity that is not among them
     errors: of metrics, where a comparison measured them
-    numbers: sections of its machine's data sheet on which what it gives rests
-    steady: metrics of a machine in a steady state, as `steady(machine, state, load)` gives them by name, for
-        what a number of the data sheet is worth
+    numbers: sections of the machine's data sheet that its results depend on
+    steady: function `steady(machine, state, load)` that gives metrics by name in a steady state; from it
+        follows how much each number of the data sheet matters
     given: metrics that are an input of the level, and no result
     """
 
@@ -96,9 +96,9 @@ class Level:
     given: tuple[str, ...] = ()
 
     def preset(self, summary: str, cost: str, component: Any = None, **fixed: Any) -> "Level":
-        """The exact level that this one is where its keys `fixed` have these values, which nobody else sets.
+        """The level with the keys `fixed` at these values, as a level of its own, which counts as exact.
 
-        component: class in the place of this one's
+        A scenario cannot set these keys. component: class instead of that of this level
         """
         values = [(key, Any, field(default=value, init=False)) for key, value in fixed.items()]
         params = make_dataclass("Params", values, bases=(self.params,), frozen=True)

@@ -107,7 +107,7 @@ def origin_of(tracks: Mapping[str, Columns]) -> F64:
 
 
 def area_of(layers: Layers) -> Area:
-    """The part of the field about the ways of all machines, of their header ends where they have a header."""
+    """The part of the field around the paths of all machines: of their header ends, else of their origin."""
     field, times, points = layers.world.field, [], []
     for name, own in layers.tracks.items():
         sheet = layers.machines[name].sheet

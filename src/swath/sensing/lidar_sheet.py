@@ -20,7 +20,10 @@ Pairs = list[tuple[float, Annotated[float, Field(ge=0)]]]
 
 @dataclass(frozen=True, kw_only=True)
 class BeamSection:
-    """As the maker says it: exit and divergence across and along, by the convention of `sensing/beam.py`."""
+    """The beam as the data sheet states it: exit and divergence, each across and along.
+
+    convention: what these numbers are, see `sensing/beam.py`
+    """
 
     profile: Profile
     convention: Convention
@@ -29,7 +32,7 @@ class BeamSection:
     divergence_mrad: Annotated[tuple[float, float], Quantity("", 0, 100)]
 
     def pair(self, values: tuple[float, float], unit: float) -> tuple[float, float]:
-        """Two diameters or angles as full ones of the contour inside, in SI."""
+        """Diameters or angles across and along, in SI, as full ones of the contour inside swath."""
         across, along = (full_angle(v, self.convention, self.contour, self.profile) * unit for v in values)
         return across, along
 

@@ -1,7 +1,7 @@
-"""A log is one thing only where it is: its parts are separated before it is judged.
+"""The parts of a log: a log may hold several harvests or fields, which are separated before it is judged.
 
-Rows that are there twice count once, sections side by side are one header. Two harvests of
-one ground, and two fields are several: the log is refused, or the part that is asked for is taken.
+Rows that are there twice count once; sections side by side are one header. A log with two harvests of one
+ground, or with two fields, is refused unless one part is asked for.
 """
 
 from pathlib import Path
@@ -51,8 +51,10 @@ def one_part(log: Log, chosen: int | None, path: Path) -> Log:
 
 
 def _ground(position: Array, width: float) -> Indices:
-    """Cells of a quarter of the width that lie under the header of each record, shape (n, 9): three quarters
-    of it, so that passes beside each other share none, and a pass between two of them shares most.
+    """Cells under the header of each record, (n, 9): three by three, each a quarter of the width wide.
+
+    They cover three quarters of the width, so that passes beside each other share no cell, and a pass between
+    two of them shares most of its cells with them.
     """
     own = np.floor(position / (0.25 * width)).astype(np.int64)
     own -= own.min(axis=0) - 1

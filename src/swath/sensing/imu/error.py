@@ -47,12 +47,12 @@ LINES = tuple(AXES)
 class Vibration:
     """Vibration at the unit.
 
-    engine_m_s2: root mean square of the engine's
-    drum_m_s2: root mean square of the drum's
-    sieves_m_s2: root mean square of the sieves'
-    engine_hz: frequency of the engine's at rated speed
-    drum_hz: frequency of the drum's at rated speed
-    sieves_hz: frequency of the sieves' at rated speed
+    engine_m_s2: root mean square of the acceleration by the engine
+    drum_m_s2: root mean square of the acceleration by the drum
+    sieves_m_s2: root mean square of the acceleration by the sieves
+    engine_hz: frequency of the engine's vibration at rated speed
+    drum_hz: frequency of the drum's vibration at rated speed
+    sieves_hz: frequency of the sieves' vibration at rated speed
     arm_m: lever arm: a force at frequency f is felt as a turn too, rate = force / (2 pi f arm)
     """
 
@@ -210,7 +210,7 @@ class ErrorImu(InWorlds):
 
 
 class UnitStep(KeepsState):
-    """One of them, and its step in Python. memory: (SIZE,) of `ImuStep`."""
+    """The unit of one world, and its step in Python. memory: (SIZE,) of `ImuStep`."""
 
     kept = ("_bias", "_motion", "_shaking")
 
@@ -231,7 +231,7 @@ class UnitStep(KeepsState):
         return self._read(self._motion.reset(part.setup.start), [0.0] * 6)
 
     def step(self, dt: int, states: Sequence[MachineState], engine: EngineState | None) -> list[float]:
-        """A sample, of normal numbers that were drawn."""
+        """The sample of a step of dt [ns], with the normal numbers that lie in the memory."""
         motion = self._motion
         draw = motion.draw.tolist()
         walk = zip(self._bias, motion.steps.tolist(), draw[6:], strict=True)
@@ -342,7 +342,7 @@ class Units(Compiled):
         self._units[world].load(state)
 
     def _in_python(self, dt: int, states: Sequence[Any], engines: Any) -> None:
-        """Samples of the worlds whose states were not laid."""
+        """Write the samples of worlds whose states the compiled step did not take."""
         for world in np.flatnonzero(self._memory[:, 0] == 0.0).tolist():
             own = [in_world(state, world) for state in states]
             self._table[world, :6] = self._units[world].step(dt, own, in_world(engines, world))

@@ -97,7 +97,7 @@ def _facts(found: Estimated) -> dict[str, object]:
 
 
 def _values(found: Estimated, name: str) -> F64:
-    """Of the runs of the last round, (n,), 0 to 1 over the range or the values of a parameter."""
+    """Where a parameter of each run of the last round lies in its range or list of values, 0 to 1, (n,)."""
     varied, values = found.case.file.vary[name], [point[name] for point in found.last.points]
     if varied.range is None:
         steps = np.array([varied.drawn_values.index(value) for value in values])
@@ -108,7 +108,7 @@ def _values(found: Estimated, name: str) -> F64:
 
 
 def _picture(found: Estimated, names: list[str]) -> Chart:
-    """Over the two parameters that matter most, or the margin over the only one."""
+    """The runs over the two parameters that matter most; with one parameter, their margins over it."""
     x = _values(found, names[0])
     y = _values(found, names[1]) if len(names) > 1 else 0.5 + 0.5 * np.nan_to_num(found.last.margins)
     up = _axis(found, names[1]) if len(names) > 1 else ("margin", "-1", "1")
@@ -131,7 +131,7 @@ def _axis(found: Estimated, name: str) -> tuple[str, str, str]:
 
 
 def _parameter(found: Estimated, name: str) -> list[object]:
-    """Its exposure, and where nine tenths of the failures lie, by weight."""
+    """The row of a parameter: its exposure, and where nine tenths of the weight of the failures lie."""
     varied = found.case.file.vary[name]
     fails = found.last.margins < 0.0
     values = np.array([point[name] for point in found.last.points], dtype=object)[fails]

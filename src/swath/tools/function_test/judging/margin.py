@@ -1,10 +1,11 @@
 """How far a run is from its limits.
 
-The margin to a limit is what is left to it as a share of the whole from the best possible value, 1 there, 0
-at the limit, < 0 beyond it, bounded to -1..1; so margins to unlike limits may be compared. The best value is
-0 for an upper bound, 1 for a lower bound on a share, between two bounds their middle, or 0 where it lies
-between them. A lower bound without a best value is its own measure. Limits that can only be kept or not (a
-lower one on the way driven, which ends where the run does; bounds of 0) count where they fail.
+The margin to a limit is the distance of the value from it, over the distance of the best possible value: 1
+at the best value, 0 at the limit, < 0 beyond it, bounded to -1..1. So unlike limits may be compared. The best
+value is 0 for an upper bound, 1 for a lower bound on a share, between two bounds their middle, or 0 where it
+lies between them. Where a lower bound has no best value, the excess over it is divided by the bound itself.
+Some limits are only kept or not: bounds of 0, and a lower bound on the distance driven, where the run ends.
+They count only where they fail.
 """
 
 from collections.abc import Mapping
@@ -57,7 +58,7 @@ def is_kept_or_not(entry: Entry) -> bool:
 
 
 def _scaled(name: str, limit: Mapping[str, Any], value: float) -> float | None:
-    """The share of the way that is left; None for a limit that is kept or not."""
+    """The margin before it is bounded; None for a limit that is only kept or not."""
     low, high = limit.get("min"), limit.get("max")
     if name in KEPT_OR_NOT and high is None:
         return None
