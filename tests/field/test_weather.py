@@ -150,7 +150,7 @@ def test_all_sensors_have_the_weather_of_the_field_and_their_own_keys_win():
     lidar, camera = parts["lidar"].weather_at(0), parts["camera"]._light_setup(0)
     assert lidar.extinction == pytest.approx(fog + 0.01 + 0.01 * 10**0.6, rel=1e-3)
     assert camera.extinction == pytest.approx(fog + 0.01 + 3.65e-4 * 10**0.63)
-    assert camera.cloud == 0.4
+    assert parts["camera"].sky(0)[1] == 0.4
     assert parts["radar"]._rain > 0.0
     assert plain.field.wind.amplitude == pytest.approx(np.tan(np.radians(0.2 * 9.0)))
     own = ", weather: {rain_mm_h: 0, extinction_per_m: 0.2, rain_law: drops}"

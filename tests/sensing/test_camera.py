@@ -12,6 +12,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.field.memory_layout import Organ, Solids
 from swath.field.site_setup import Bodies
+from swath.field.weather import Sun
 from swath.rays.engine import RayCaster
 from swath.record.digest import sample_bytes
 from swath.runtime.assembly import assemble
@@ -19,7 +20,7 @@ from swath.scenario.scenario import parse_scenario
 from swath.sensing.camera import depth, error
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
-from swath.sensing.camera.shading import COLOURS
+from swath.sensing.camera.shading import COLOURS, Daylight
 from swath.sensing.mount import Mount
 
 TEXT = """
@@ -194,11 +195,14 @@ def test_labels_and_depths_are_those_of_single_rays():
     assert (found & (cells == nearest[:, None, :, None])).any(axis=(1, 3))[~np.isinf(nearest)].all()
 
 
+DAY = Daylight(Sun(np.radians(230.0), np.radians(50.0)), 0.0)
+
+
 def bytes_of(organ, cosine):
     """The colour of a surface in light and shadow, written out: linear, lit, and back to sRGB."""
     c = np.array(COLOURS[organ]) / 255.0
     linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-    x = np.minimum(linear * (0.25 + cosine) / 1.1, 1.0)
+    x = np.minimum(linear * (DAY.sky + DAY.sun * cosine), 1.0)
     return 255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
 
 

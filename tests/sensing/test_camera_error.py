@@ -9,6 +9,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.field.light import light as clear_light
 from swath.field.maps.projection import Origin
 from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Organ, Solids
@@ -17,8 +18,8 @@ from swath.field.solid.obstacles import SheetObstacle, things_of
 from swath.field.solid.solids import mesh
 from swath.field.stand import maps
 from swath.sensing.camera import depth, error, rays
-from swath.sensing.camera.error import sunlight
-from swath.sensing.camera.shading import air_light, linear
+from swath.sensing.camera.rays import USUAL_SUN
+from swath.sensing.camera.shading import Daylight, linear
 from swath.sensing.echo import Weather
 from swath.sensing.mount import Mount
 from swath.signals import OBSTACLE_KINDS, MachineState
@@ -60,8 +61,8 @@ def camera(setup, **keys):
 
 
 def unlit(colour):
-    """sRGB under an overcast sky: 0.3 / 1.1 of the light."""
-    light = linear(colour) * 0.3 / 1.1
+    """sRGB under the overcast sky of a sun at 45 deg."""
+    light = linear(colour) * Daylight(USUAL_SUN, 1.0).sky
     return 255.0 * np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
@@ -78,7 +79,12 @@ def test_blur_is_as_wide_as_the_way_in_the_picture():
     widths = []
     for blur in ("none", "data_sheet"):
         made = camera(
-            setup, samples_per_pixel=16, blur=blur, exposure_ms=20.0, sensor="camera_60deg_global.yaml"
+            setup,
+            samples_per_pixel=16,
+            blur=blur,
+            exposure_ms=20.0,
+            cloud_percent=100.0,
+            sensor="camera_60deg_global.yaml",
         )
         image = made.picture(10**9, driving())["image"]
         profile = edge_profile(image)
@@ -143,20 +149,22 @@ def test_what_stands_before_a_thing_that_goes_hides_it_and_stays_sharp():
 
 
 def test_numbers_are_those_of_the_radiometry():
-    """A white wall across the sun: FULL cancels, E tau / (4 N^2) photons, eta, K, by hand."""
+    """A wall towards the sun: FULL cancels, E tau / (4 N^2) photons, eta, K, by hand."""
     setup = site(wall=wall(3.0, -9.0, 9.0, z1=9.0))
     made = camera(setup, samples_per_pixel=1, exposure_ms=0.05, sun_azimuth_deg=180.0, sun_elevation_deg=30.0)
     image = made.image_from(10**9, made.optical)
     middle = float(image.raw[59:61, 79:81, 0].mean())
     share = linear((140, 146, 154))  # paint of a thing of no kind
-    lit = 0.25 + np.cos(np.radians(30.0))
-    irradiance = sunlight(np.radians(30.0)) * 0.9 / (4 * 4.0**2) * share * lit
+    light = clear_light(np.radians(30.0))
+    lit = np.array(
+        [light.at(w, light.sky + light.sun * np.cos(np.radians(30.0))) for w in (620e-9, 540e-9, 460e-9)]
+    )
+    irradiance = 100.0 * lit * 0.9 / (4 * 4.0**2) * share
     photons = sum(irradiance * np.array([620e-9, 540e-9, 460e-9])) * 1e-10 * 0.05e-3 / 1.98644586e-25
     assert middle == pytest.approx(30 + 0.2 * (0.5 * photons + 40 * 0.05e-3), rel=2e-3, abs=1.0)
     corner = float(image.raw[0, 0, 0]) - 30.0
     cosine = made.pinhole.rays()[0, 0, 2]
     assert corner / (middle - 30.0) == pytest.approx(cosine**4, rel=0.02)
-    assert sunlight(np.radians(90.0)) > sunlight(np.radians(20.0))
 
 
 def test_exposure_follows_the_light():
@@ -193,9 +201,10 @@ def test_dust_takes_light_as_koschmieder_says(extinction):
             rays.RaysCamera(rays.Params(**params, weather=Weather(extinction_per_m=b)), setup)
             for b in (0.0, extinction)
         )
+        horizon = Daylight(USUAL_SUN, 0.0).sky_at(clear.optical.rotation[:, 2] * [1, 1, 0])
         before, after = (linear(c.image_from(10**9, c.optical).colour[15, 20]) for c in (clear, dusty))
         left = np.exp(-extinction * z)
-        np.testing.assert_allclose(after, left * before + (1 - left) * air_light(0.0), rtol=0.02, atol=2e-3)
+        np.testing.assert_allclose(after, left * before + (1 - left) * horizon, rtol=0.02, atol=2e-3)
     with pytest.raises(InputError, match=r"near_returns = 1\.0: expected 0 for a camera"):
         rays.RaysCamera(rays.Params(weather=Weather(near_returns=1.0)), setup)
 

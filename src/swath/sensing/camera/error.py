@@ -1,10 +1,10 @@
 """Camera level `error`: a camera by its data sheet: lens, shutter, blur, exposure and EMVA 1288 noise.
 
-Light becomes photons: a surface across the sun that sends the share c of its light has the radiance
-c E / pi, its image the irradiance c E tau cos(a)^falloff / (4 N^2) (lens of f-number N, transmission tau;
-Hecht, Optics, 5.7), a from the axis. E is the direct sunlight in a band of 100 nm of each colour, in twilight
-what the sky alone gives (`sunlight`). The picture is linear up to saturation, white-balanced for the sun,
-then sRGB.
+Light becomes photons: a surface across the sun that sends the share c of its light has the radiance c E / pi,
+its image the irradiance c E tau cos(a)^falloff / (4 N^2) (lens of f-number N, transmission tau; Hecht,
+Optics, 5.7), a from the axis. E is the sunlight in a band of 100 nm of each colour, in twilight that of the
+sky (`shading.Daylight`). The picture is linear up to saturation, white-balanced for a sun at 45 deg, then
+sRGB.
 
 Each row is exposed for the exposure time that ends at its readout, the last row at the time of the sample;
 the samples of a pixel are spread over the exposure, so that what moves is blurred in as many steps.
@@ -18,13 +18,12 @@ An image sensor by the linear model of EMVA Standard 1288, Release 4.0 Linear.
 Of each pixel the efficiency is off by a share (PRNU) and the dark signal by some electrons (DSNU), both
 normal and drawn once; a gain multiplies K.
 
-`sunlight` is how much light there is by day and in twilight, by the elevation of the sun. Colour filters:
-rows red green, green blue. The two colours that a pixel has not measured are means of its neighbours that
-have (bilinear interpolation); at the border of those that are there.
+Colour filters: rows red green, green blue. The two colours that a pixel has not measured are means of its
+neighbours that have (bilinear interpolation); at the border of those that are there.
 """
 
 from dataclasses import dataclass
-from math import log2, pi, sin
+from math import log2
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -39,12 +38,12 @@ from swath.core.portable import power, product
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.units import DEG, PERCENT
+from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.sensing.camera.camera_sheet import CameraSheet, load_camera
 from swath.sensing.camera.pinhole import Pinhole
 from swath.sensing.camera.rays import Channel, SceneCamera, SceneParams, Sight
-from swath.sensing.camera.shading import CLOUD_LIGHT, FULL, encode, sky_share
+from swath.sensing.camera.shading import FULL, WAVELENGTHS, Daylight, encode
 from swath.sensing.mount import poses_at
 from swath.signals import F64, MachineState
 
@@ -79,50 +78,11 @@ def _around(values: F64) -> F64:
     return np.asarray(rows[:, :-2] + 2.0 * rows[:, 1:-1] + rows[:, 2:])
 
 
-SUN_BAND = 130.0  # W/m2 of direct sun in 100 nm of the visible at air mass 1.5, usual, about 1.3 W/m2/nm
-# lm per W/m2 in 100 nm of an even spectrum: 683 lm/W times the integral of V(lambda), 106.9 nm (CIE 1924)
-LUX = 683.0 * 1.069
-LOWEST = -12.0 * DEG  # end of nautical twilight: below it is night
-# From this elevation [deg] on: coefficients of lg E in x = elevation / 90 deg (Janiczek and DeYoung 1987, US
-# Naval Observatory Circular 171; Seidelmann 1992, Explanatory Supplement to the Astronomical Almanac, 9.34)
-CLEAR_SKY = (
-    (20.0, 3.74, 3.97, -4.07, 1.47),
-    (5.0, 3.05, 13.28, -45.98, 64.33),
-    (-0.8, 2.88, 22.26, -207.64, 1034.30),
-    (-5.0, 2.88, 21.81, -258.11, -858.36),
-    (-12.0, 2.70, 12.17, -431.69, -1899.83),
-)
-
-
-def illuminance(elevation: float) -> float:
-    """Illuminance on level ground under a clear sky [lx].
-
-    It is 758 lx with the sun on the horizon and 3.4 lx at the end of civil twilight, 6 deg below it.
-    elevation: elevation of the sun [rad], -12 to 90 deg
-    """
-    x = elevation / (0.5 * pi)
-    row = next((r for r in CLEAR_SKY if elevation >= r[0] * DEG), CLEAR_SKY[-1])
-    return float(10.0 ** (row[1] + x * (row[2] + x * (row[3] + x * row[4]))))
-
-
-def sunlight(elevation: float, cloud: float = 0.0) -> float:
-    """Direct sunlight on a surface across the sun in a band of 100 nm [W/m2], to which all light is relative.
-
-    It falls with the air mass m = 1 / sin(elevation) as 0.7^(m^0.678) (Meinel and Meinel 1976, Applied Solar
-    Energy). Below the horizon there is no direct light: the value is then the one that gives the light of the
-    sky that `illuminance` says. Clouds (0 to 1) take the same share of it as by day. elevation [rad]
-    """
-    if elevation <= 0.0:
-        clear = illuminance(max(elevation, LOWEST)) / LUX
-        return clear * (1.0 - cloud * (1.0 - CLOUD_LIGHT)) / sky_share(cloud)
-    mass = 1.0 / max(sin(elevation), 0.03)
-    return float(SUN_BAND * 0.7 ** (mass**0.678 - 1.5**0.678))
-
-
+BAND = 100.0  # width of a band of colour [nm]
 PLANCK, LIGHT_SPEED = 6.62607015e-34, 299_792_458.0
 
 
-def photon_rate(irradiance: F64 | float, pixel: float, wavelength: float) -> F64:
+def photon_rate(irradiance: F64 | float, pixel: float, wavelength: F64 | float) -> F64:
     """Photons per second on a pixel of side [m] at an irradiance [W/m2] of one wavelength [m]."""
     return np.asarray(irradiance) * (pixel * pixel * wavelength / (PLANCK * LIGHT_SPEED))
 
@@ -174,7 +134,6 @@ class ImageSensor:
         return np.clip(np.rint(number), 0, s.digital_max).astype(np.uint16)
 
 
-WAVELENGTHS = (620e-9, 540e-9, 460e-9)  # middle of the bands of red, green and blue [m]
 STEP_MAX = 4.0  # most that the exposure changes from picture to picture
 
 
@@ -238,10 +197,11 @@ class ErrorCamera(SceneCamera):
 
     def _photon_rates(self, t: int) -> F64:
         """Photons per second of a pixel of the sensor and unit of light at t [ns], (height, width, 3)."""
-        s, (sun, cloud) = self.sheet, self.sky(t)
+        s, day = self.sheet, Daylight(*self.sky(t))
         axis = self.pinhole.rays()[..., 2]
-        image = FULL * sunlight(sun.elevation, cloud) * s.transmission / (4.0 * s.f_number**2)
-        rates = np.array([float(photon_rate(image, s.pixel, w)) for w in WAVELENGTHS])
+        self._white = day.white
+        image = FULL * BAND * day.unit * day.white * s.transmission / (4.0 * s.f_number**2)
+        rates = photon_rate(image, s.pixel, np.array(WAVELENGTHS))
         return np.asarray(power(np.maximum(axis, 0.0), s.falloff)[..., None] * rates)
 
     def reset(self, stream: Stream) -> Outputs:
@@ -352,10 +312,10 @@ class ErrorCamera(SceneCamera):
         return last * min(max(step, 1.0 / STEP_MAX), STEP_MAX)
 
     def _developed(self, share: F64) -> F64:
-        """Linear picture (height, width, 3), white in the sun is grey at any efficiency."""
+        """Linear picture (height, width, 3), white in a sun at 45 deg is grey at any efficiency."""
         if self.sheet.mosaic == "mono":
             return np.repeat(share, 3, axis=-1)
-        seen = np.array([self.sheet.efficiency(k) * WAVELENGTHS[k] for k in range(3)])
+        seen = np.array([self.sheet.efficiency(k) * WAVELENGTHS[k] for k in range(3)]) * self._white
         picture = share if len(self.planes) == 3 else interpolated(share[..., 0])
         return np.asarray(picture * (seen[1] / seen))
 

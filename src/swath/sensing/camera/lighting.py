@@ -26,7 +26,7 @@ from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
 from swath.sensing.camera.instances import Instances
 from swath.sensing.camera.orthophoto import Orthophoto
-from swath.sensing.camera.shading import air_light, linear, lit, organ_colours, sky_light
+from swath.sensing.camera.shading import Daylight, linear, organ_colours
 from swath.signals import F64
 
 GRAIN = 64  # what a point is made of, beside the organs: grain in an open box
@@ -74,7 +74,7 @@ FAR = 2000.0  # the ground beyond the reach ends here [m]
 
 @dataclass(frozen=True)
 class LightSetup:
-    """sun: unit vector towards it, world (3,); cloud: 0 clear to 1 overcast; green: share of unripe colour.
+    """day: light of sun and sky; green: share of unripe colour.
 
     per_side: samples across a pixel
     shared: so many of a pixel's samples have one ray towards the sun
@@ -85,8 +85,7 @@ class LightSetup:
     photo: laid onto the ground
     """
 
-    sun: F64
-    cloud: float
+    day: Daylight
     green: float
     shadows: bool
     per_side: int
@@ -110,7 +109,8 @@ class Lighting:
         self, hits: Hits, origins: F64, directions: F64, things: Instances, caster: RayCaster, t: int
     ) -> F64:
         """Linear light (rows, columns, 3) along rays; origins: (3,) or as directions (rows, columns, 3)."""
-        light = sky_light(directions[..., 2], self.setup.cloud)
+        day = self.setup.day
+        light = day.sky_at(directions)
         seen = hits.is_hit
         starts = np.broadcast_to(origins, directions.shape)
         far = ~seen & (directions[..., 2] < 0.0)
@@ -119,10 +119,7 @@ class Lighting:
         distance = hits.distance[seen].astype(np.float64)
         points = starts[seen] + distance[:, None] * directions[seen]
         colours = self._surface(hits, seen, points, distance, things)
-        light[seen] = (
-            colours
-            * lit(self._shared_cosine(seen, points, things.solids, caster, t), self.setup.cloud)[:, None]
-        )
+        light[seen] = colours * day.on(self._shared_cosine(seen, points, things.solids, caster, t))
         if self.setup.extinction > 0.0:
             self._through_air(light, hits, starts, directions)
         return light
@@ -175,17 +172,18 @@ class Lighting:
             at = starts + distance[:, None] * directions
             photo = s.photo.colours(at[:, 0], at[:, 1])
             colours = np.where(np.isnan(photo), colours, photo)
-        light = colours * lit(np.array([CANOPY_COSINE * max(float(s.sun[2]), 0.0) ** 0.5]), s.cloud)[:, None]
+        light = colours * s.day.on(np.array([CANOPY_COSINE * max(float(s.day.toward[2]), 0.0) ** 0.5]))
         clear = portable.exp(-CLEAR_AIR * distance)[:, None]
-        return np.asarray(clear * light + (1.0 - clear) * air_light(s.cloud))
+        return np.asarray(clear * light + (1.0 - clear) * s.day.sky_at(directions))
 
     def _through_air(self, light: F64, hits: Hits, starts: F64, directions: F64) -> None:
         """Koschmieder's law, in place."""
+        level = np.concatenate([directions[..., :2], np.zeros_like(directions[..., 2:])], axis=-1)
         up = np.maximum(directions[..., 2], 1e-6)
         path = np.where(hits.is_hit, hits.distance, np.minimum(DUST_LAYER / up, FAR)).astype(np.float64)
         clear = portable.exp(-self.setup.extinction * path)[..., None]
         light *= clear
-        light += (1.0 - clear) * air_light(self.setup.cloud)
+        light += (1.0 - clear) * self.setup.day.sky_at(level)
 
     def _shared_cosine(
         self, seen: NDArray[np.bool_], points: F64, solids: Solids, caster: RayCaster, t: int
@@ -209,14 +207,15 @@ class Lighting:
     def _sun_cosine(self, points: F64, solids: Solids, caster: RayCaster, t: int) -> F64:
         """Cosine of the angle between the surfaces at points (n, 3) and the sun, 0 in shadow."""
         cosine = np.zeros(len(points))
-        if self.setup.cloud >= 1.0 or self.setup.sun[2] <= 0.0:
+        toward = self.setup.day.toward
+        if not self.setup.day.sun.any():
             return cosine
         length = SHADOW_REACH if self.setup.shadows else SKIN
-        starts = points + length * self.setup.sun
+        starts = points + length * toward
         free = np.flatnonzero(starts[:, 2] >= self._field.ground_height(starts[:, 0], starts[:, 1]))
         if len(free) == 0:
             return cosine
-        back = np.broadcast_to(-self.setup.sun, (len(free), 3))
+        back = np.broadcast_to(-toward, (len(free), 3))
         found = caster.cast(starts[free], back, range_max=length + SAME_PLACE, solids=solids, t=t)
         self.ray_count += len(free)
         is_lit = np.abs(found.distance - length) < SAME_PLACE

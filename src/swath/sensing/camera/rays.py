@@ -39,7 +39,7 @@ from swath.sensing.camera.instances import Instances, instances_of
 from swath.sensing.camera.lighting import SHADOW_REACH, Lighting, LightSetup
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
-from swath.sensing.camera.shading import encode, sun_direction
+from swath.sensing.camera.shading import Daylight, encode
 from swath.sensing.echo import Weather
 from swath.sensing.mount import Mount, poses_at
 from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState
@@ -244,8 +244,7 @@ class SceneCamera(KeepsState):
     def _light_setup(self, t: int) -> LightSetup:
         p, (sun, cloud) = self.params, self.sky(t)
         return LightSetup(
-            sun=sun_direction(sun.azimuth, sun.elevation),
-            cloud=cloud,
+            day=Daylight(sun, cloud),
             green=p.green_percent * PERCENT,
             shadows=p.shadows,
             per_side=isqrt(p.samples_per_pixel),

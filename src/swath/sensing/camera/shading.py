@@ -1,18 +1,27 @@
 """What colour a surface has in the light of sun and sky: Lambert's cosine law, sRGB at the end.
 
-A surface of colour c sends c (SKY_LIGHT + SUN_LIGHT cos a), a between its normal and the sun, 0 in shadow.
-Under clouds the sun's part goes down and the sky's up. Linear light 1 is FULL times what a white plate across
-the sun sends, so that light times FULL times the sun's irradiance is a surface's radiant exitance.
+A surface of colour c sends c (sky + sun cos a), a between its normal and the sun, 0 in shadow; sun and sky as
+`field/light.py` has them, each in three bands of colour. White is a plate across the sun at 45 deg. A picture
+is exposed for the clear day: a white plate across the sun, or in twilight four times the sky's light on level
+ground, is 1 / FULL. So evening light is gold and shadows are blue.
+
+The sky is as bright as ISO 15469:2004 says, type 12 (clear, low turbidity) and type 1 (overcast), scaled so
+that it sends the light of the sky on level ground; towards the horizon its colour fades as the optical depth
+of the air goes up (Rayleigh's by Hansen and Travis 1974, aerosol's of the table of the light).
 """
 
-from math import cos, sin
+from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core import portable
 from swath.core.portable import power
+from swath.core.units import DEG
+from swath.field.light import Light, light
 from swath.field.memory_layout import Organ
+from swath.field.weather import Sun
 from swath.signals import F64
 
 # sRGB. Own choice, by eye, of ripe crop on dry loam: nothing was measured.
@@ -31,14 +40,14 @@ COLOURS: dict[Organ, tuple[int, int, int]] = {
     Organ.POD: (176, 138, 74),
     Organ.COB: (226, 176, 66),
 }
-HAZE, ZENITH = (214, 225, 233), (92, 146, 206)  # sky at and below the horizon, and overhead; own choice
-# Diffuse over direct light of a clear day: about a quarter, own choice; a white plate across the sun is full.
-SKY_LIGHT, SUN_LIGHT = 0.25, 1.0
-FULL = 1.1  # light that a pixel shows as 255
-CLOUD_LIGHT = 0.3  # diffuse light of an overcast sky over the direct one of a clear day, own choice
-CLOUD, CLOUD_BRIGHTNESS = (196, 200, 204), 0.6  # sky under clouds; own choice
 FRESH = (96, 134, 62)  # plants that are not ripe
 GREEN_ORGANS = (Organ.STEM, Organ.EAR, Organ.LEAF, Organ.AWN, Organ.BRANCH, Organ.POD, Organ.COB)
+FULL = 1.1  # light that a pixel shows as 255
+WAVELENGTHS = (620e-9, 540e-9, 460e-9)  # middle of the bands of red, green and blue [m]
+WHITE_SUN = 45.0 * DEG  # the elevation of a sun that is white
+TWILIGHT = 4.0  # a picture in twilight is exposed for so much light of the sky
+DEPTHS = np.array([0.179, 0.245, 0.373])  # of the air in red, green and blue, straight up
+NODES = np.linspace(-1.0, 1.0, 1025)  # sines and cosines of the tables of the sky
 
 
 def sun_direction(azimuth: float, elevation: float) -> F64:
@@ -55,26 +64,52 @@ def organ_colours(green: float) -> F64:
     return table
 
 
-def lit(sun_cosine: F64, cloud: float) -> F64:
-    """Light on surfaces; sun_cosine: of the angle to the sun, 0 in shadow; cloud: 0 clear to 1 overcast."""
-    return np.asarray((sky_share(cloud) + (1.0 - cloud) * SUN_LIGHT * sun_cosine) / FULL)
+def bands(of: Light, values: F64) -> F64:
+    """Irradiance [W/(m2 nm)] in red, green and blue of one of a light's `sun`, `sky` and `level`, (3,)."""
+    return np.array([of.at(w, values) for w in WAVELENGTHS])
 
 
-def sky_share(cloud: float) -> float:
-    """Light of the sky on level ground over the direct one of a clear day."""
-    return (1.0 - cloud) * SKY_LIGHT + cloud * CLOUD_LIGHT
+class Daylight:
+    """The light of a picture.
 
+    toward: unit vector to the sun, world (3,)
+    sun, sky: linear light of a white plate across the sun, and of one on level ground in shadow, (3,)
+    unit: irradiance of green for light FULL [W/(m2 nm)]
+    white: of the other colours relative to green in white light, (3,)
+    """
 
-def sky_light(up: F64, cloud: float = 0.0) -> F64:
-    """Linear light (..., 3) of the sky in directions with this upward part, sine of the elevation."""
-    share = np.sqrt(np.clip(up, 0.0, 1.0))[..., None]
-    clear = (1.0 - share) * linear(HAZE) + share * linear(ZENITH)
-    return np.asarray((1.0 - cloud) * clear + cloud * CLOUD_BRIGHTNESS * linear(CLOUD))
+    def __init__(self, sun: Sun, cloud: float) -> None:
+        self.toward = sun_direction(sun.azimuth, sun.elevation)
+        white, clear, now = light(WHITE_SUN), light(sun.elevation), light(sun.elevation, cloud)
+        self.white = bands(white, white.sun) / white.at(WAVELENGTHS[1], white.sun)
+        self.unit = max(clear.at(WAVELENGTHS[1], clear.sun), TWILIGHT * clear.at(WAVELENGTHS[1], clear.sky))
+        scale = 1.0 / (self.white * self.unit * FULL)
+        self.sun, self.sky = bands(now, now.sun) * scale, bands(now, now.sky) * scale
+        self._cloud = cloud
+        self._clear = np.ones(3)
+        middles = (np.arange(12) + 0.5) / 12.0  # sines, of bands of one size
+        around = (np.arange(24) + 0.5) * (pi / 12.0)
+        flat = np.sqrt(1.0 - middles**2)
+        grid = np.stack(np.broadcast_arrays(flat[:, None] * np.cos(around), flat[:, None] * np.sin(around),
+                                            middles[:, None]), axis=-1)  # fmt: skip
+        self._clear = 2.0 * (self._shape(grid, grid[..., 2]) * grid[..., 2:]).mean(axis=(0, 1))
 
+    def on(self, sun_cosine: F64) -> F64:
+        """Light on surfaces (n, 3); sun_cosine: of the angle to the sun, 0 in shadow, (n,)."""
+        return np.asarray(self.sky + sun_cosine[:, None] * self.sun)
 
-def air_light(cloud: float) -> F64:
-    """Linear light (3,) that a deep layer of dust or haze sends: that of the sky at the horizon."""
-    return np.asarray(sky_light(np.zeros(1), cloud)[0])
+    def sky_at(self, directions: F64) -> F64:
+        """Linear light (..., 3) of the sky in directions (..., 3); at the horizon below it."""
+        up = np.clip(directions[..., 2], 0.0, 1.0)
+        clear = self._shape(directions, up) / self._clear
+        overcast = ((1.0 + 2.0 * up) * (3.0 / 7.0))[..., None]
+        return np.asarray(self.sky * ((1.0 - self._cloud) * clear + self._cloud * overcast))
+
+    def _shape(self, directions: F64, up: F64) -> F64:
+        """How bright a clear sky is, up to a factor of each colour, (..., 3)."""
+        near = np.interp(np.einsum("...k,k", directions, self.toward), NODES, _INDICATRIX)
+        deep = [np.interp(up, NODES, column) for column in _GRADATION]
+        return np.asarray(near[..., None] * np.stack(deep, axis=-1))
 
 
 def encode(light: F64) -> NDArray[np.uint8]:
@@ -89,3 +124,6 @@ def linear(colour: Any) -> F64:
 
 
 _STEPS = linear(np.arange(255) + 0.5)  # light at which the byte goes up by one
+_AWAY = 0.5 * pi - portable.arcsin(NODES)  # from the sun [rad]
+_INDICATRIX = 1.0 + 10.0 * (portable.exp(-3.0 * _AWAY) - portable.exp(-1.5 * pi)) + 0.45 * NODES**2
+_GRADATION = [1.0 - portable.exp(-depth / np.maximum(NODES, 1e-3)) for depth in DEPTHS.tolist()]
