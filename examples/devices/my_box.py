@@ -5,8 +5,9 @@
 
 It logs in to a SICK LMS, wants every scan, finds the crop edge in it and sends the steering angle as
 AgOpenGPS does (PGN 254); with `--can udp_multicast`, or another interface of python-can, as the guidance
-command of ISO 11783. The same two functions run inside swath in `examples/devices/memory.yaml`, by
-`examples/devices/in_memory.py`: what the wire adds is the difference of the two runs.
+command of ISO 11783, with `--volts HOST:PORT` as a voltage. The same two functions run inside swath in
+`examples/devices/memory.yaml`, by `examples/devices/in_memory.py`: what the wire adds is the difference of
+the two runs.
 """
 
 import argparse
@@ -74,10 +75,15 @@ def main() -> None:
     parser.add_argument("--can", metavar="INTERFACE", help="steer over CAN instead, by python-can")
     parser.add_argument("--channel", default="239.74.163.2", help="of the CAN interface")
     parser.add_argument("--can-port", type=int, help="of udp_multicast")
+    parser.add_argument("--volts", metavar="HOST:PORT", help="steer by a voltage instead")
     parser.add_argument("--telegrams", choices=("CoLaA", "CoLaB"), default="CoLaB")
     parser.add_argument("--speed", type=float, default=7.0, help="told to the module [km/h]")
     args = parser.parse_args()
-    out = Can(args.can, args.channel, args.can_port) if args.can else Module(args.module, args.speed)
+    out: Module | Can | Voltage = Module(args.module, args.speed)
+    if args.can:
+        out = Can(args.can, args.channel, args.can_port)
+    elif args.volts:
+        out = Voltage(args.volts)
     link = Scanner(args.scanner, binary=args.telegrams == "CoLaB")
     smooth, lags, intervals, last = Smooth(), [], [], None
     while (scan := link.scan()) is not None:
@@ -142,6 +148,22 @@ class Can:
     def send(self, pgn: int, priority: int, data: bytes) -> None:
         identifier = priority << 26 | (pgn | 0xFF) << 8 | self.ADDRESS
         self.bus.send(self.can.Message(arbitration_id=identifier, data=data))
+
+
+class Voltage:
+    """An input for 0.4 (full right) to 4.6 V, behind a converter whose samples are NMEA 0183 XDR."""
+
+    def __init__(self, where: str) -> None:
+        host, _, port = where.rpartition(":")
+        self.where, self.socket = (host, int(port)), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def steer(self, angle: float) -> None:
+        """Volts of the angle."""
+        body = f"IIXDR,U,{2.5 + 2.1 * angle / STEER_MAX:.4f},V,STEER"
+        check = 0
+        for byte in body.encode():
+            check ^= byte
+        self.socket.sendto(f"${body}*{check:02X}\r\n".encode(), self.where)
 
 
 class Scanner:

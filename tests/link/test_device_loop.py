@@ -60,7 +60,15 @@ def over_can():
     return ["--can", "udp_multicast", "--can-port", str(port)], [level]
 
 
-@pytest.mark.parametrize(("way", "telegrams"), [(over_udp, "CoLaA"), (over_can, "CoLaB")])
+def as_volts():
+    where = f"127.0.0.1:{free_port()}"
+    level = f"combine.steer={{level: analog, full_deg: 35, address: 'analog+udp://{where}'}}"
+    return ["--volts", where], [level]
+
+
+@pytest.mark.parametrize(
+    ("way", "telegrams"), [(over_udp, "CoLaA"), (over_can, "CoLaB"), (as_volts, "CoLaB")]
+)
 def test_the_box_on_the_wire_steers_as_it_does_in_memory(in_memory, way, telegrams):
     flags, sets = way()
     summary, said = closed([*flags, "--telegrams", telegrams], sets)

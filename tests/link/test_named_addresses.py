@@ -48,6 +48,7 @@ STRANGE = {  # a row of the report each, with its siblings: slot, the address th
     "a device elsewhere": (
         "lidar: {level: device, address: 'lms://192.0.2.1', mount: {z_m: 2}}", "lms://192.0.2.1"),
     "steered from the network": ("steer: {level: agopengps, listen: '0.0.0.0:0'}", "0.0.0.0:0"),
+    "steered by volts": ("steer: {level: analog, address: 'analog://0.0.0.0:0'}", "analog://0.0.0.0:0"),
     "answers to the network": ("steer: {level: agopengps, reply: '192.0.2.1:9999'}", "192.0.2.1:9999"),
     "a spy that writes a file": (
         "steer: {level: can, interface: slcan, channel: 'spy://loop://?file=SECRET'}",

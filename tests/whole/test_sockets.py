@@ -25,7 +25,7 @@ machines:
 """
 MODULES = {  # of src that make sockets, and the rows of the table that they are for
     "runtime/served.py": "run --view, run --foxglove, run --device",
-    "link/device/wires.py": "run --device, level device, level agopengps",
+    "link/device/wires.py": "run --device, level device, level agopengps, level analog",
     "link/can/bus.py": "run --isobus, can box, level can",
     "link/can/udp.py": "can box",
     "field_io/logs/channels.py": "",  # of python-can the readers of files alone
@@ -50,6 +50,7 @@ LINES = {  # words behind `run`: what is bound, and where
     "--device gnss=nmea://:0": {"127.0.0.1"},
     "--device gnss=nmea+udp://:9": set(),  # sends
     "--set combine.steer.level=agopengps --set combine.steer.listen=127.0.0.1:0": {"127.0.0.1"},
+    "--set combine.steer={level: analog, address: 'analog://:0'}": {"127.0.0.1"},
     "--isobus virtual:heard": set(),
 }
 

@@ -541,7 +541,7 @@ def _devices(scenario: Scenario, machines: Mapping[str, Machine]) -> list[Any]:
             identity = part.identity if isinstance(part, HasIdentity) else ""
             setup = output.DeviceSetup(
                 key, part.outputs, from_hz(choice.common.rate_hz) * 1e-9, limit, machine.origin,
-                section.common.factor, identity,
+                section.common.factor, identity, machine.sheet.wheelbase, machine.sheet.max_steer,
             )  # fmt: skip
             try:
                 made.append(output.make_device(choice.common.device, setup))

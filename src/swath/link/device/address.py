@@ -30,7 +30,7 @@ class Address:
     options: Mapping[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        plain = {"lms": "tcp", "velodyne": "udp", "agopengps": "udp"}.get(self.protocol)
+        plain = {"lms": "tcp", "velodyne": "udp", "agopengps": "udp", "analog": "udp"}.get(self.protocol)
         name = self.protocol if self.transport == plain else f"{self.protocol}+{self.transport}"
         return f"{name}://{self.path}" if self.path else f"{name}://{self.host}:{self.port}"
 

@@ -44,6 +44,21 @@ def sentence(body: str) -> bytes:
     return f"${body}*{reduce(xor, body.encode('ascii'), 0):02X}\r\n".encode("ascii")
 
 
+def body_of(line: bytes) -> tuple[bytes, bool]:
+    """What stands between $ and * of a line, and whether a checksum follows. ValueError for a wrong one."""
+    body, star, check = line.removeprefix(b"$").partition(b"*")
+    if line[:1] != b"$" or (star and int(check[:2], 16) != reduce(xor, body, 0)):
+        raise ValueError
+    return body, bool(star)
+
+
+def split_lines(data: bytes) -> tuple[list[bytes], bytes]:
+    """The lines that are whole, and the rest, of which none stays where it is longer than any sentence."""
+    *lines, rest = data.split(b"\n")
+    found = [line.strip() for line in lines if line.strip()]
+    return ([*found, rest], b"") if len(rest) > LONGEST else (found, rest)
+
+
 def sentences(fix: Fix, names: Sequence[str], begun: datetime, convergence: float) -> bytes:
     """The sentences of a fix, those of a heading where there is one.
 
@@ -208,21 +223,16 @@ class Listener:
 
     def feed(self, data: bytes) -> list[Epoch]:
         """More bytes; the epochs that are complete."""
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > LONGEST:
-            self._rest, self.wrong = b"", self.wrong + 1
+        lines, self._rest = split_lines(self._rest + data)
         for line in lines:
-            if line.strip():
-                self._take(line.strip())
+            self._take(line)
         done, self._done = self._done, []
         return done
 
     def _take(self, line: bytes) -> None:
-        body, star, check = line.removeprefix(b"$").partition(b"*")
         try:
-            if line[:1] != b"$" or (star and int(check[:2], 16) != reduce(xor, body, 0)):
-                raise ValueError
-            is_first, self._are_checked = self._are_checked is None, self._are_checked or bool(star)
+            body, star = body_of(line)
+            is_first, self._are_checked = self._are_checked is None, self._are_checked or star
             name, *words = body.decode("ascii").split(",")
             kind = name if name.startswith("P") else name[2:]
             if kind not in READERS or (is_first and not star):

@@ -18,18 +18,22 @@ import numpy as np
 from swath.core.component import Port
 from swath.core.errors import InputError, SwathError
 from swath.field.maps.projection import Origin
-from swath.link.device import lms, nmea, velodyne
+from swath.link.device import analog, lms, nmea, velodyne
 from swath.link.device.address import Address, read_address
 from swath.link.device.wires import Events, TcpServer, Terminal, UdpSender
-from swath.signals import Fix, Scan, Signal
+from swath.signals import Fix, Scan, Signal, SteerCommand
 
 PROTOCOLS: dict[str, tuple[Sequence[str], int]] = {
     "lms": (("tcp",), 2111),
     "velodyne": (("udp",), velodyne.PORT),
     "nmea": (("tcp", "udp", "pty"), 10_110),
     "agopengps": (("udp",), 9999),
+    "analog": (("udp", "tcp", "pty"), analog.PORT),
 }
-SENT: dict[str, type[Signal]] = {"lms": Scan, "velodyne": Scan, "nmea": Fix, "agopengps": Fix}
+SENT: dict[str, type[Signal]] = {
+    "lms": Scan, "velodyne": Scan, "nmea": Fix, "agopengps": Fix, "analog": SteerCommand,
+}  # fmt: skip
+SENDERS = {Scan: "lidar", Fix: "gnss", SteerCommand: "steer"}  # a slot for example
 STAYS = 50.0  # so far from a place its convergence holds, to 1e-5 rad [m]
 STEP = 10.0  # to the north, of which the grid's convergence is taken [m]
 
@@ -42,6 +46,7 @@ class DeviceSetup:
     origin: of the field on Earth
     factor: simulated seconds per second
     identity: what the sensor calls itself, empty = not known
+    wheelbase, max_steer: of its machine [m], [rad]
     """
 
     name: str
@@ -51,6 +56,8 @@ class DeviceSetup:
     origin: Origin | None
     factor: float
     identity: str = ""
+    wheelbase: float = math.nan
+    max_steer: float = math.nan
 
 
 class Device:
@@ -241,7 +248,57 @@ class _Listener:
         return b""
 
 
-class Nmea(Device):
+class LineDevice(Device):
+    """What sends lines to whoever listens, over any transport; one overrides `_lines`."""
+
+    def _lines(self, sample: Any) -> bytes:
+        raise NotImplementedError
+
+    @property
+    def port(self) -> int:
+        """Port that it listens to."""
+        return int(self._wire.port)
+
+    def _open(self) -> None:
+        where, events = self.where, self.events
+        self._wire: Any
+        if where.transport == "tcp":
+            self._wire = TcpServer(where, _Listener, events)
+            self._wire.start()
+        else:
+            self._wire = (UdpSender if where.transport == "udp" else Terminal)(where, events)
+
+    def _send(self, sample: Any, t: int) -> int:
+        if t == 0:
+            return 0
+        data = self._lines(sample)
+        if isinstance(self._wire, TcpServer):
+            return self._wire.send(lambda session: data)
+        return int(self._wire.send(data))
+
+    def _is_met(self) -> bool:
+        return not isinstance(self._wire, TcpServer) or self._wire.has_client()
+
+    def _close(self) -> None:
+        self._wire.close()
+
+
+class Analog(LineDevice):
+    """A steering law as a voltage, as a box gives it that sees the crop edge."""
+
+    options = analog.OPTIONS
+
+    def __init__(self, where: Address, setup: DeviceSetup) -> None:
+        super().__init__(where, setup)
+        self._line = analog.line_of(where.options)
+
+    def _lines(self, sample: Any) -> bytes:
+        setup = self.setup
+        angle = math.atan(sample.curvature * setup.wheelbase) if sample.is_engaged else math.nan
+        return analog.written(self._line.volts(angle, setup.max_steer))
+
+
+class Nmea(LineDevice):
     """A GNSS receiver. With `agopengps` it sends PANDA, or PAOGI where it knows a heading."""
 
     options = ("sentences", "utc")
@@ -264,24 +321,8 @@ class Nmea(Device):
             expected = "expected a field that lies on Earth: set field.origin, or import one"
             raise InputError("device", where.text, expected)
         self._turned = math.nan, math.nan, 0.0  # place [m] and convergence there [rad]
-        self._wire: Any = None
 
-    def _open(self) -> None:
-        where, events = self.where, self.events
-        if where.transport == "tcp":
-            self._wire = TcpServer(where, _Listener, events)
-            self._wire.start()
-        else:
-            self._wire = (UdpSender if where.transport == "udp" else Terminal)(where, events)
-
-    @property
-    def port(self) -> int:
-        """Port that it listens to."""
-        return int(self._wire.port)
-
-    def _send(self, sample: Any, t: int) -> int:
-        if t == 0:
-            return 0
+    def _lines(self, sample: Any) -> bytes:
         x, y, turned = self._turned
         if math.isfinite(sample.x) and not math.hypot(sample.x - x, sample.y - y) < STAYS:
             turned = convergence(self.setup.origin, sample.x, sample.y)
@@ -289,16 +330,7 @@ class Nmea(Device):
         names = self._names
         if self._is_agopengps and "sentences" not in self.where.options:
             names = ("PANDA",) if math.isnan(sample.heading) else ("PAOGI",)
-        data = nmea.sentences(sample, names, self._begun, turned)
-        if isinstance(self._wire, TcpServer):
-            return self._wire.send(lambda session: data)
-        return int(self._wire.send(data))
-
-    def _is_met(self) -> bool:
-        return not isinstance(self._wire, TcpServer) or self._wire.has_client()
-
-    def _close(self) -> None:
-        self._wire.close()
+        return nmea.sentences(sample, names, self._begun, turned)
 
 
 def convergence(origin: Origin | None, x: float, y: float) -> float:
@@ -313,7 +345,7 @@ def convergence(origin: Origin | None, x: float, y: float) -> float:
 
 
 MAKERS: dict[str, Callable[[Address, DeviceSetup], Device]] = {
-    "lms": Lms, "velodyne": Velodyne, "nmea": Nmea, "agopengps": Nmea,
+    "lms": Lms, "velodyne": Velodyne, "nmea": Nmea, "agopengps": Nmea, "analog": Analog,
 }  # fmt: skip
 
 
@@ -322,6 +354,6 @@ def make_device(text: str, setup: DeviceSetup) -> Device:
     where = read_address(text, PROTOCOLS)
     signal = SENT[where.protocol]
     if not any(port.signal is signal for port in setup.outputs):
-        kind = {"Scan": "lidar", "Fix": "gnss"}[signal.__name__]
-        raise InputError("device", text, f"expected a slot such as {kind}, that sends a {signal.__name__}")
+        expected = f"expected a slot such as {SENDERS[signal]}, that sends a {signal.__name__}"
+        raise InputError("device", text, expected)
     return MAKERS[where.protocol](where, setup)
