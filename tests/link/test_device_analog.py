@@ -59,10 +59,11 @@ def test_the_sentence_is_nmea():
     assert (
         analog.read(b"$WIXDR,C,21.5,C,AIR,U,3.25,V,2*%02X" % _xor(b"WIXDR,C,21.5,C,AIR,U,3.25,V,2")) == 3.25
     )
-    hot = b"IIXDR,C,21.5,C,AIR"
-    for broken in (b"$IIXDR,U,2.5,V,STEER", b"$%s*%02X" % (hot, _xor(hot)), b"$IIXDR,U,nan,V,X*%02X"):
+    for body in (b"IIXDR,C,21.5,C,AIR", b"IIXDR,U,nan,V,X", b"GNHDT,1,T"):
         with pytest.raises(ValueError, match="no voltage"):
-            analog.read(broken)
+            analog.read(b"$%s*%02X" % (body, _xor(body)))
+    with pytest.raises(ValueError, match="no voltage"):
+        analog.read(b"$IIXDR,U,2.5,V,STEER")  # without a checksum
 
 
 def _xor(body):

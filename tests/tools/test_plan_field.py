@@ -2,15 +2,20 @@
 
 import csv
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.core.frames import Pose
+from swath.signals import Scan
+from swath.tools.compare_log.steering_fit import compare_steering
+from swath.tools.distributions import wasserstein1
 from swath.tools.function_test.case import read_case
 from swath.tools.function_test.evidence import EVIDENCE
-from swath.tools.function_test.field_plan.form import FORM
+from swath.tools.function_test.field_plan.form import FORM, compared, fixed, write_form
 from swath.tools.function_test.field_plan.plan import (
     OTHER,
     Condition,
@@ -22,10 +27,13 @@ from swath.tools.function_test.field_plan.plan import (
     plan_field,
     spread,
 )
+from swath.tools.function_test.field_plan.seen import SCANS, ScanHeights, heights_of
 from swath.tools.function_test.journal import Journal
 from swath.tools.function_test.odd.dossier import write_dossier
 from swath.tools.function_test.one_run import no_result
 from tests.tools.odd_files import DENSITY, conducted, result_of, small_odd
+from tests.tools.test_compare_log import write_log as write_engine
+from tests.tools.test_compare_steering import write_log as write_steering
 
 CASE = """
 format: swath test case 1
@@ -188,6 +196,61 @@ def test_the_form_comes_back_and_becomes_evidence(case_file, levels, tmp_path, c
     (out / "filled.csv").write_text(text)
     assert main([*again, "--filled", str(out / "filled.csv")]) == 2
     assert "crop = oats: expected one of wheat, barley in pass 1" in capsys.readouterr().err
+
+
+def test_logs_that_come_back_are_compared_with_the_machine(case_file, levels, tmp_path):
+    """A steering log of one pass and an engine log of another: the numbers of `swath compare log`."""
+    plan = planned(tmp_path / "a", case_file, pairs=12, runs=3)
+    rows = list(csv.DictReader(write_form(plan).read_text().splitlines()))
+    write_steering(tmp_path / "steer.csv", passes=6, rate=5)
+    write_engine(tmp_path / "engine.csv", machines=1, count=200)
+    rows[0]["log"], rows[1]["log"] = "steer.csv", "engine.csv"
+    with (tmp_path / "filled.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    steer, engine = compared(plan, tmp_path / "filled.csv")
+    parts = compare_steering("lexion-700-class", tmp_path / "steer.csv").parts
+    assert [row["value"] for row in steer.rows] == [f"{part.rmse[0]:.4g}" for part in parts]
+    assert {row["unit"] for row in engine.rows} == {"%", "l/h"}
+    assert {row["compared"] for row in (*steer.rows, *engine.rows)} == {"log"}
+    assert steer.point == plan.passes[0].condition.point
+
+
+def test_the_form_names_what_does_not_vary(case_file, levels, tmp_path):
+    same = fixed(planned(tmp_path / "a", case_file, pairs=12))
+    assert "field.terrain.slope_percent 1.0" in same
+    assert "combine.speed.speed_kmh 7.0" in same
+    assert "combine.edge_side left" in same
+    assert not any("stems_per_m2" in text or "field.stand.crop" in text for text in same)
+
+
+def test_the_mean_distance_of_quantiles_is_how_far_heights_lie_apart(case_file):
+    rng = np.random.default_rng(7)
+    clouds = [
+        np.concatenate([rng.normal(0.1, 0.03, 4000), rng.normal(high, 0.1, 4000)]) for high in (0.9, 0.6)
+    ]
+    seen = []
+    for heights in clouds:
+        setup = SimpleNamespace(name="m", machine=SimpleNamespace(mounting={"lidar": Pose.identity()}))
+        evaluator = ScanHeights(setup)
+        up = np.full(8000, np.pi / 2)
+        scan = Scan(
+            0, np.zeros(8000), np.zeros(8000), up, heights[:, None].astype(np.float32), heights[:, None]
+        )
+        evaluator.see("m.lidar", 0, {"scan": scan})
+        evaluator.see("m.gnss", 0, {"scan": scan})  # it is not mounted
+        seen.append(heights_of(evaluator.metrics()))
+    assert np.abs(np.subtract(*seen)).mean() == pytest.approx(wasserstein1(*clouds), abs=0.01)
+    assert heights_of(ScanHeights(setup).metrics()) is None
+
+
+def test_levels_are_compared_by_what_scanners_see(case_file, tmp_path):
+    """A lower crop breaks no limit of a detector that knows the truth; its echoes lie lower."""
+    case_file.write_text(CASE.replace("distance_m: 12", "distance_m: 0.6"), encoding="utf-8")
+    asked = FieldPlan(str(case_file), metric=SCANS, pairs=8, runs=2, other=("field.stand.height_factor=0.7",))
+    found = plan_field(tmp_path / "a", asked, 1, lambda result: None)
+    assert all(0.02 < c.apart < 1.0 for c in found.conditions)
 
 
 def test_a_dossier_says_what_is_not_shown_and_shows_the_evidence(tmp_path, monkeypatch):

@@ -50,7 +50,7 @@ LINES = {  # words behind `run`: what is bound, and where
     "--device gnss=nmea://:0": {"127.0.0.1"},
     "--device gnss=nmea+udp://:9": set(),  # sends
     "--set combine.steer.level=agopengps --set combine.steer.listen=127.0.0.1:0": {"127.0.0.1"},
-    "--set combine.steer={level: analog, address: 'analog://:0'}": {"127.0.0.1"},
+    "--set combine.steer.level=analog --set combine.steer.address=analog://:0": {"127.0.0.1"},
     "--isobus virtual:heard": set(),
 }
 

@@ -34,6 +34,7 @@ from swath.runtime.world import Machine, World
 from swath.signals import MachineState
 
 SUMMARY = "credibility"
+NEVER_CHECKED = "never_checked"  # its key of quantities that levels were met with and never checked for
 INSIDE, EDGE, OUTSIDE = "inside", "at the edge", "outside"
 STATES = (INSIDE, EDGE, OUTSIDE)
 TOLERATED = 0.02  # share of the values of a look that may lie beyond a range
@@ -204,7 +205,8 @@ class Credibility(SeesAll):
 
     def entries(self) -> dict[str, Any]:
         """As it stands in summary.json: `slots` with a declared range, and the others as `undeclared`; by
-        slot the quantities that are `not_checked` there, and what was `met` of these, by machine.
+        slot the quantities that are `not_checked` there, and what was `met` of these, by machine; by slot the
+        `never_checked` ones of which more than plain values were met.
         """
         slots, rest = {}, []
         for machine in self.scene.world.machines.values():
@@ -228,6 +230,7 @@ class Credibility(SeesAll):
             "slots": slots,
             "undeclared": rest,
             "not_checked": named,
+            NEVER_CHECKED: self._never_checked(),
             "met": met,
             "level_errors": {e.metric: e.size for choice in chosen for e in choice.found.errors},
             "given": sorted({name for choice in chosen for name in choice.found.given}),
@@ -235,18 +238,30 @@ class Credibility(SeesAll):
 
     def untold(self) -> Iterator[str]:
         """Notes on what was met beyond plain values by levels that were not checked for it."""
-        for machine, own in self.scene.unchecked.items():
+        for machine in self.scene.unchecked:
             said = []
-            for name, quantity in QUANTITIES.items():
-                seen = self._seen.get((machine, name), Seen())
-                slots = [slot for slot, names in own.items() if name in names]
-                if seen.beyond >= min(LOOKS, max(seen.looks, 1)) and slots:
-                    unit = f" {quantity.unit}" if quantity.unit != "1" else ""
-                    said.append(
-                        f"{name} {span((_short(seen.low), _short(seen.high)))}{unit} ({', '.join(slots)})"
-                    )
+            for name, slots in self._beyond_plain(machine):
+                seen, unit = self._seen[machine, name], QUANTITIES[name].unit
+                met = span((_short(seen.low), _short(seen.high))) + (f" {unit}" if unit != "1" else "")
+                said.append(f"{name} {met} ({', '.join(slots)})")
             if said:
                 yield f"{machine}: levels were not checked for {'; '.join(said)}"
+
+    def _beyond_plain(self, machine: str) -> Iterator[tuple[str, list[str]]]:
+        """Quantities met beyond plain values, each with the slots whose levels were not checked for it."""
+        for name in QUANTITIES:
+            seen = self._seen.get((machine, name), Seen())
+            slots = [slot for slot, names in self.scene.unchecked[machine].items() if name in names]
+            if seen.beyond >= min(LOOKS, max(seen.looks, 1)) and slots:
+                yield name, slots
+
+    def _never_checked(self) -> dict[str, list[str]]:
+        found: dict[str, list[str]] = {}
+        for machine in self.scene.unchecked:
+            for name, slots in self._beyond_plain(machine):
+                for slot in slots:
+                    found.setdefault(f"{machine}.{slot}", []).append(name)
+        return found
 
     def _row(self, slot: str, checked: Checked) -> dict[str, Any]:
         seen = self._seen.get((slot, checked.quantity), Seen())

@@ -5,8 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import shortened
+from swath.runtime.credibility import NEVER_CHECKED, outside_of
 from swath.runtime.credibility import SUMMARY as CREDIBILITY
-from swath.runtime.credibility import outside_of
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
@@ -101,6 +101,7 @@ def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
         "digest": summary["digest"],
         EDGE_US: _edge_us(summary.get("cost", {})),
         **({CREDIBILITY: outside} if outside else {}),
+        **({NEVER_CHECKED: never} if (never := summary.get(CREDIBILITY, {}).get(NEVER_CHECKED)) else {}),
         **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING, MET) if key in summary},
     }
 

@@ -20,7 +20,7 @@ def add(verbs: Any) -> None:
         "level to compare with (default: another of the scanner); several times",
         [],
     )
-    option(plan, "--metric NAME", "that levels are compared by", "margin")
+    option(plan, "--metric NAME", "that levels are compared by; scans = heights of echoes", "margin")
     option(plan, "--pairs N", "conditions at which they are compared", 64)
     option(plan, "--filled FORM", "passes.csv with what was driven: becomes evidence", type=Path)
     add_sets(plan, "of every scenario")

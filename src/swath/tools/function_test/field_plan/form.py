@@ -1,7 +1,7 @@
 """The form of the proposed passes: what to drive and record; filled in, it is compared with simulation."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.session import open_session
 
 FORM, NEXT, DRIVEN = "passes.csv", "next-passes.csv", "passes"
+FIXED = "as_well"  # column of what does not vary
 FILLED = ("date", "scans", "log", "note")  # columns that come back
 MEASURED_BY: Mapping[str, str] = {  # by the end of a scenario key
     "stems_per_m2": "stems counted in three frames of 0.25 m2", "height_factor": "crop height at ten places",
@@ -27,7 +28,7 @@ MEASURED_BY: Mapping[str, str] = {  # by the end of a scenario key
     "extinction_per_m": "photograph of the dust, a target at 10 m", "near_returns": "photograph of the chaff",
     "slope_percent": "RTK heights along the pass, or a level", "speed_kmh": "speed of the log",
     "radius_m": "RTK track of the edge", "angle_deg": "RTK track of the edge",
-    "side": "side of the crop, written down", "light": "lux meter, and where the sun stands",
+    "edge_side": "side of the crop, written down", "light": "lux meter, and where the sun stands",
 }  # fmt: skip
 SCANS = "scans with poses: MCAP, ROS bag or table, RTK (swath compare scans)"
 STEERING = "steering angle and command, speed, yaw rate or RTK positions, 4 a second (swath compare log)"
@@ -44,6 +45,23 @@ def instruments(planned: Planned) -> list[str]:
         how = next((MEASURED_BY[end] for end in ends if end in MEASURED_BY), "written down")
         found.append(f"{name}: {how}")
     return found
+
+
+def fixed(planned: Planned) -> list[str]:
+    """The conditions that the case does not vary, which a pass has to have as well."""
+    varied = {key for each in planned.case.file.vary.values() for key in each.keys}
+    found = []
+    for key, value in _leaves(scenario_at(planned, planned.conditions[0].point).plain()):
+        if key.rpartition(".")[2] in MEASURED_BY and value not in (None, 0.0, "") and key not in varied:
+            found.append(f"{key} {value}")
+    return found
+
+
+def _leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Key and value of what stands in nested mappings."""
+    for key, value in data.items():
+        inner = f"{path}.{key}".removeprefix(".").removeprefix("machines.")
+        yield from _leaves(value, inner) if isinstance(value, Mapping) else [(inner, value)]
 
 
 def logs(scenario: Scenario) -> list[str]:
@@ -74,13 +92,14 @@ def scenario_at(planned: Planned, point: Point) -> Scenario:
 
 def write_form(planned: Planned, name: str = FORM) -> Path:
     """Write the form."""
-    what = "; ".join(instruments(planned))
+    what, same = "; ".join(instruments(planned)), "; ".join(fixed(planned))
     rows = []
     for number, each in enumerate(planned.passes):
         recorded = "; ".join(logs(scenario_at(planned, each.condition.point)))
         rows.append({
             "pass": number + 1, **each.condition.point, "narrows_percent": f"{100 * each.narrows:.1f}",
-            "why": why(planned, number), "measure": what, "record": recorded, **dict.fromkeys(FILLED, ""),
+            FIXED: same, "why": why(planned, number), "measure": what, "record": recorded,
+            **dict.fromkeys(FILLED, ""),
         })  # fmt: skip
     return write_csv(planned.folder / name, rows)
 

@@ -7,7 +7,7 @@ from swath import __version__
 from swath.report.chart import Chart
 from swath.report.html import Beside, Items, Section, Table, write_page
 from swath.tools.function_test.evidence import evidence_table
-from swath.tools.function_test.field_plan.form import FORM, instruments, logs, scenario_at, why
+from swath.tools.function_test.field_plan.form import FORM, fixed, instruments, logs, scenario_at, why
 from swath.tools.function_test.field_plan.plan import Planned, places_of
 
 SIDE = 260.0  # of a chart [px]
@@ -38,13 +38,14 @@ def write_plan(planned: Planned) -> Path:
         ]
         for n, p in enumerate(planned.passes)
     ]
+    same = "; ".join(fixed(planned))
     recorded = logs(scenario_at(planned, planned.conditions[0].point))
     together = sum(each.narrows for each in planned.passes)
     return write_page(
         planned.folder / "report.html",
         [
             Table("Passes", ("", *names, "narrows", "why"), rows, (0,), ABOUT_FORM.format(FORM)),
-            Section("In every pass", [Items([*recorded, *instruments(planned)])]),
+            Section("In every pass", [Items([*recorded, *instruments(planned), f"as well: {same}"])]),
             evidence_table(planned.folder),
             Section("Where levels differ", [Beside(_charts(planned, names))]),
             Section("How they are chosen", [ABOUT]),

@@ -10,6 +10,7 @@ et al. 1989, doi:10.1214/ss/1177012413; of the discrepancy of a model, Kennedy a
 doi:10.1111/1467-9868.00294).
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -19,12 +20,15 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.foreign_code import allow_code
 from swath.core.random import Stream
+from swath.runtime.credibility import NEVER_CHECKED
 from swath.scenario.overrides import layered
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.estimate.estimate import distribution_of
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
+from swath.tools.function_test.field_plan.seen import REFERENCE, SCANS, heights_of
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.judged import beyond
 from swath.tools.function_test.judging.margin import MARGIN, margin
@@ -38,11 +42,24 @@ from swath.tools.function_test.session import Session, claim_folder, open_sessio
 
 ASKED, PAIRS = "plan-field.json", "pairs"
 CASE_IS, OTHER = "as it is", "other"  # candidates: the case, and with other levels
-LENGTH = 0.25  # of a condition's range, over which its effect changes; estimated
-# Share of the differences between levels that are smaller than what a level never checked may be off by;
-# estimated.
-MOST = 0.9
-RETRIES = 200  # draws of conditions until some lie inside the ODD
+
+
+@dataclass(frozen=True)
+class Params:
+    """What is estimated of how far levels are off.
+
+    length: over which the effect of a condition changes [share of its range]; estimated
+    most: share of the differences between levels that are smaller than what a level that was never checked
+        there may be off by [1]; estimated
+    retries: draws per condition until it lies inside the ODD; chosen
+    """
+
+    length: float = 0.25
+    most: float = 0.9
+    retries: int = 200
+
+
+PARAMS = Params()
 
 
 @dataclass(frozen=True)
@@ -51,7 +68,7 @@ class FieldPlan:
 
     source: a case, or the folder of a campaign over an ODD
     other: changes that bring in the other levels; none = the other level of the scanner
-    metric: by which levels differ
+    metric: by which levels differ; `scans` = how high the echoes of scanners lie (`seen.ScanHeights`)
     runs: real passes; pairs: conditions at which levels are compared
     sets: changes of the scenario
     seed: of the draws
@@ -71,7 +88,8 @@ class FieldPlan:
 class Condition:
     """A place where a pass could be.
 
-    apart: difference of the metric between the levels; unshown: share of its cells that are not shown
+    apart: size of the difference of the metric between the levels
+    unshown: share of its cells that are not shown
     unchecked: slots and quantities that are outside the range in which their level was checked
     """
 
@@ -125,11 +143,15 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
     points = draw(case, found, asked.pairs, asked.seed)
     chosen = {case.name: tuple((max(case.seeds) + 1 + n, point) for n, point in enumerate(points))}
     source = str(found.session.plan.cases) if found else asked.source
-    plan = Plan(source, candidates={CASE_IS: (), OTHER: other}, sets=asked.sets, level=AS_SET, chosen=chosen)
-    plan.check()
-    session = Session(folder / PAIRS, plan)
-    session.write()
-    session.do(workers, done, client)
+    sets, own = asked.sets, (REFERENCE,) if asked.metric == SCANS else ()
+    if own:
+        sets = (*sets, f"evaluators={json.dumps([*looked_at(case.scenario, sets).evaluators, *own])}")
+    plan = Plan(source, candidates={CASE_IS: (), OTHER: other}, sets=sets, level=AS_SET, chosen=chosen)
+    with allow_code(own):
+        plan.check()
+        session = Session(folder / PAIRS, plan)
+        session.write()
+        session.do(workers, done, client)
     conditions = conditions_of(session.results(), asked.metric, found)
     scale = spread(case, conditions)
     passes = choose(case, conditions, scale, asked.runs, known)
@@ -160,7 +182,7 @@ def draw(case: Case, found: Conducted | None, count: int, seed: int) -> list[dic
     """Conditions by their exposure, inside the ODD where there is one."""
     by = {name: distribution_of(varied) for name, varied in case.file.vary.items()}
     rng, points = Stream(seed, f"plan-field {case.name}").at(0), list[dict[str, Scalar]]()
-    for _ in range(count * RETRIES):
+    for _ in range(count * PARAMS.retries):
         if len(points) == count:
             return points
         drawn = {name: of.value(float(rng.random())) for name, of in by.items()}
@@ -177,18 +199,27 @@ def conditions_of(results: Sequence[Result], metric: str, found: Conducted | Non
     for a, b in zip(results[::2], results[1::2], strict=True):
         if "error" in (a["verdict"], b["verdict"]):
             continue
-        values = [margin(r) if metric == MARGIN else r["metrics"].get(metric) for r in (a, b)]
-        missing = sum(value is None for value in values)
-        if missing == 2:
+        values = [value for r in (a, b) if (value := value_of(r, metric)) is not None]
+        if not values:
             continue
-        apart = inf if missing else float(values[1] or 0.0) - float(values[0] or 0.0)
-        unchecked = sorted({f"{slot} {quantity}" for slot, quantity, _ in beyond(a)})
+        apart = inf if len(values) == 1 else float(np.mean(np.abs(values[1] - values[0])))
+        never = {f"{slot} {name}" for slot, names in a.get(NEVER_CHECKED, {}).items() for name in names}
+        unchecked = sorted({f"{slot} {quantity}" for slot, quantity, _ in beyond(a)} | never)
         out.append(Condition(a["point"], apart, _unshown(a, found, verdicts), unchecked))
     known = [abs(c.apart) for c in out if c.apart < inf]
     if len(known) < 2:
         raise InputError("--metric", metric, "expected pairs of runs that have it, there are fewer than two")
     most = max(known)  # where one level has no value they differ as much as they do anywhere, or more
     return [replace(c, apart=most) if c.apart == inf else c for c in out]
+
+
+def value_of(result: Result, metric: str) -> F64 | None:
+    """What levels are compared by, of a run; None where it has none."""
+    if metric == SCANS:
+        found: Any = heights_of(result["metrics"])
+    else:
+        found = margin(result) if metric == MARGIN else result["metrics"].get(metric)
+    return None if found is None else np.atleast_1d(np.asarray(found, float))
 
 
 def _unshown(result: Result, found: Conducted | None, verdicts: Mapping[tuple[int, ...], str]) -> float:
@@ -217,7 +248,7 @@ def places_of(case: Case, points: Sequence[Point]) -> F64:
 
 def alike(a: F64, b: F64) -> F64:
     """Correlation of how far levels are off at conditions (n, d) and (m, d): of each alone and of pairs."""
-    each = matern(np.abs(a[:, None, :] - b[None, :, :]) / LENGTH)
+    each = matern(np.abs(a[:, None, :] - b[None, :, :]) / PARAMS.length)
     count = each.shape[2]
     alone = each.mean(axis=2)
     if count == 1:
@@ -234,10 +265,10 @@ def spread(case: Case, conditions: Sequence[Condition]) -> F64:
     """How far the levels may be off at each condition, one standard deviation, (n,)."""
     apart = np.abs([c.apart for c in conditions])
     places = places_of(case, [c.point for c in conditions])
-    near = np.prod(matern(np.abs(places[:, None] - places[None]) / LENGTH), axis=2)
+    near = np.prod(matern(np.abs(places[:, None] - places[None]) / PARAMS.length), axis=2)
     smooth = np.sqrt(near @ apart**2 / near.sum(axis=1))
     unchecked = np.array([bool(c.unchecked) for c in conditions])
-    least = np.where(unchecked, np.quantile(apart, MOST), _usual(conditions))
+    least = np.where(unchecked, np.quantile(apart, PARAMS.most), _usual(conditions))
     return np.asarray(np.maximum(smooth, least))
 
 
