@@ -127,7 +127,7 @@ def test_one_run_s_law_steers_another_s_machine(transport, tmp_path):
     part.close(), made.close()
     heard = [command for command in found if command.is_engaged]
     assert not last.is_engaged  # 0 V
-    assert len({command.curvature for command in heard}) >= 8
+    assert len({command.curvature for command in heard}) >= 3
     step = 0.5001 * 5.0 / 4095 * MACHINE.max_steer / 2.1 / math.cos(0.5) ** 2 / MACHINE.wheelbase
     assert all(np.abs(sent - command.curvature).min() <= step for command in heard)
     assert "1 lines" not in "\n".join(part.notes)
