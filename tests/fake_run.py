@@ -77,6 +77,7 @@ class GridField:
     low: tuple = (-20.0, -30.0)
     size: tuple = (120.0, 60.0)
     cell: float = 0.05
+    soil: object = None
     ground_grain_kg: float = 0.0
     is_cut: np.ndarray = field(init=False)
 

@@ -42,6 +42,7 @@ class Ground:
     grain: list = field(default_factory=list)
     stand: object = field(default_factory=lambda: SimpleNamespace(crop="wheat"))
     moisture: Moisture = field(default_factory=Moisture)
+    soil: object = None
 
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))

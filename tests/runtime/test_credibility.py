@@ -124,11 +124,10 @@ def test_inside_and_how_far_off_the_level_may_be():
     assert not any("rests_outside" in entry for entry in summary["expect"])
 
 
-SOFT = "combine.motion={level: multibody, soil: brixius, cone_index_kpa: 450, start_speed_kmh: 5}"
 # Changes of `straight`, the slot, and the quantity for which its level was not checked.
 NOT_CHECKED_RUNS = [
     (["combine.motion.friction=0.2"], "motion", "friction"),
-    ([SOFT], "motion", "cone_index_kpa"),
+    (["field.soil.cone_index_kpa=900"], "steer", "cone_index_kpa"),
     (["field.terrain={level: formula, roughness_class: E}"], "motion", "roughness_gd_m3"),
     (["combine.lidar.weather.rain_mm_h=3"], "lidar", "rain_mm_h"),
     (["combine.lidar.weather.extinction_per_m=0.2"], "lidar", "dust_per_m"),
@@ -140,8 +139,6 @@ NOT_CHECKED_RUNS = [
 
 @pytest.mark.parametrize(("sets", "slot", "quantity"), NOT_CHECKED_RUNS, ids=lambda value: str(value)[:50])
 def test_what_no_level_was_checked_for_is_said(sets, slot, quantity):
-    if SOFT in sets:
-        pytest.importorskip("mujoco", reason="needs the extra `multibody`")
     summary = run(CHEAP, *sets, distance=3)
     told = summary["credibility"]
     assert quantity in told["not_checked"][f"combine.{slot}"]

@@ -25,6 +25,7 @@ from swath.field.edges.track import EdgeShape
 from swath.field.field_setup import HasExtent, Stand, Terrain
 from swath.field.grain import GrainPiles
 from swath.field.ground.footprint import Block, Footprint
+from swath.field.ground.soil import Ruts, Soil, Strip
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.moisture import Moisture
 from swath.field.paging.height_bounds import update_tops
@@ -85,7 +86,11 @@ class Field:
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
         self.maker = PageMaker(terrain, stand, edges, boundary, library, seed)
-        finish = partial(_finish, library=library, sway=self._sway, depth_per_kg=self._depth_per_kg)
+        self.soil: Soil | None = None  # firm ground
+        self.ruts = Ruts()
+        finish = partial(
+            _finish, library=library, sway=self._sway, depth_per_kg=self._depth_per_kg, ruts=self.ruts
+        )
         self.store = PageStore(self.maker.make, finish, tile_size=library.tile_size, limit=page_limit)
         self._cutter = Cutter(self.store, self.stems, sway=self._sway)
         self._straw = StrawLayer(self.store, self._depth_per_kg)
@@ -278,6 +283,16 @@ class Field:
             code[dense] = p.cut[row[dense], v[dense], u[dense]]
         return code, np.asarray(p.tile_stand[slot, v // 64, u // 64, 3] > 0.0)
 
+    def press(self, strips: Sequence[Strip]) -> None:
+        """Let wheels leave ruts in soil that gives way; rays and `ground_height` meet them from now on."""
+        if self.soil is not None and self.soil.has_ruts and self.profile is None:
+            touched = self.ruts.press(strips, self._to_nodes, self.soil.pass_exponent)
+            self.ruts.show(self.store, touched)
+
+    def _to_nodes(self, x: Any, y: Any) -> tuple[Array, Array]:
+        u, v = self._points(x, y)
+        return u / self.maker.node, v / self.maker.node
+
     def deposit_straw(self, polygon: Any, mass_kg: float, *, heading: float | None = None) -> None:
         """Lay straw on the ground within a convex polygon (n, 2) [m].
 
@@ -330,11 +345,13 @@ class Field:
             "codes": [c.codes for c in changes.values()],
             "straw": [c.straw for c in changes.values()],
             "grain": self.grain.save(),
+            **({"ruts": self.ruts.save()} if self.ruts.depth else {}),
             **({} if self.profile is None else {"profile": self.profile.save()}),
         }
 
     def load(self, state: dict[str, Any]) -> None:
         """Take over a saved state; everything else is as at the start."""
+        self.ruts.load(state.get("ruts"))
         changes = zip(_keys(state), state["codes"], state["straw"], strict=True)
         self.store.restore({key: Change(codes, straw) for key, codes, straw in changes})
         self.grain.load(state["grain"])
@@ -363,6 +380,9 @@ class Field:
 
         Pages that were not cut are not made again.
         """
+        if self.ruts.depth:
+            self.ruts.load(None)
+            self.store.restore({})
         self.store.reset()
         self.grain = GrainPiles()
         if self.profile is not None:
@@ -401,14 +421,14 @@ class Field:
 
     def _nodes(self, u: float, v: float, room: float, turn: tuple[float, float]) -> Block:
         """Heights of the lattice nodes around a place, as `Footprint` asks for them: of whole pages with
-        their far border, or of as many as a profile needs, for which no page is made.
+        their far border, or of as many as a profile needs, for which no page is made. Without ruts.
         """
         at, n = np.array([[u, u], [v, v]]), PAGE_NODES
         way = 0.0 if self.profile is None else PROFILED / self.maker.node
         reach = at + [-room, room] + [[min(way * to, 0.0), max(way * to, 0.0)] for to in turn]
         _check_near(*(self.maker.node * reach))
         low, high = np.floor(reach).astype(int).T
-        if self.profile is not None:
+        if self.profile is not None or (self.soil is not None and self.soil.has_ruts):
             x, y = (self.maker.node * np.arange(k, m + 2) for k, m in zip(low, high, strict=True))
             held: Array = self.terrain.lattice(x, y, self.stand_yaw).astype(np.float32).astype(np.float64)
             return int(low[0]), int(low[1]), held
@@ -423,12 +443,14 @@ class Field:
 
 
 def _finish(
-    store: PageStore, keys: list[Key], *, library: PlantLibrary, sway: float, depth_per_kg: float
+    store: PageStore, keys: list[Key], *, library: PlantLibrary, sway: float, depth_per_kg: float, ruts: Ruts
 ) -> None:
     """Pages came into memory: what follows from their codes and straw.
 
     Holds no field, which holds the store: what nobody uses any more then goes at once.
     """
+    if ruts.depth:
+        ruts.show(store, keys)
     update_tops(store, library, keys, sway=sway)
     write_depth(store, keys, depth_per_kg)
 

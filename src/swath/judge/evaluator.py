@@ -198,6 +198,10 @@ class Truth(Protocol):
         """Boundary of the field, None without."""
 
     @property
+    def soil(self) -> Any:
+        """Soil that gives way, None on firm ground."""
+
+    @property
     def rows(self) -> Any:
         """Rows of the crop, None without."""
 

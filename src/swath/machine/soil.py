@@ -10,14 +10,20 @@ Brixius (1987, ASAE paper 87-1622; in ASAE D497), not compared with the printed 
 
 CI cone index, b width, d diameter, h section height, delta deflection of the tyre, W its load, s slip. Here
 the slip is counted from the wheel that rolls without torque, so the 0.04 of the gross traction is left out.
+The motion resistance is a force of the soil along the ground, which the tread of driven wheels overcomes.
+Rut and end of mobility (Maclaurin, cited in docs/explanation/machine.md; not compared with the printed text):
+
+    N = CI (b d)^0.8 delta^0.4 / W,   rut = 0.224 d / N^1.25,   stuck where N < 1.85
+
 Side stiffness and side friction are those of the sheet times 1 - exp(-0.1 Bn): an estimate, D497 has none.
 """
 
 from dataclasses import dataclass
-from math import exp, sqrt
+from math import exp, pow, sqrt
 from typing import NamedTuple
 
 LEAST_MOBILITY = 4.0  # below it no wheel moves on its own
+STUCK = 1.85  # of `Brixius.number`: below it a vehicle does not get through
 
 
 class Grip(NamedTuple):
@@ -65,6 +71,15 @@ class Brixius:
         wide = 1.0 + 3.0 * self.width / self.diameter
         base = self.cone_index * self.width * self.diameter / max(load, 1.0)
         return max(base * bent / wide, LEAST_MOBILITY)
+
+    def number(self, load: float) -> float:
+        """Mobility number N of Maclaurin under a load [N]."""
+        bent = self.deflection * load / self.load
+        return self.cone_index * pow(self.width * self.diameter, 0.8) * pow(bent, 0.4) / max(load, 1.0)
+
+    def rut(self, load: float) -> float:
+        """Depth [m] that the first pass of the wheel leaves under a load [N], at most half its diameter."""
+        return min(0.224 * self.diameter / pow(self.number(load), 1.25), 0.5 * self.diameter)
 
     def at(self, load: float, slip: float) -> Grip:
         """Grip under a load [N] at a longitudinal slip."""

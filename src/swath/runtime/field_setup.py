@@ -14,6 +14,7 @@ from swath.field.edges.boundary import Region
 from swath.field.edges.edge import TrackEdge, make_boundary, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
+from swath.field.ground.soil import make_soil
 from swath.field.maps.projection import Origin, origin_at
 from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Solids
@@ -85,6 +86,7 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bo
         weather=weather,
         is_cut=is_cut,
     )
+    field.soil = make_soil(section.common.soil, setup)
     driven = None
     first = next(iter(section.edges.values()))
     if isinstance(first, TrackEdge) and first.file is None:

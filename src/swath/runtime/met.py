@@ -17,6 +17,8 @@ from swath.core.signal import Signal
 from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
+from swath.field.ground.soil import KPA
+from swath.machine.on_soil import DEFAULT_KPA
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
 from swath.sensing.scanner import ScanningLidar
@@ -123,9 +125,12 @@ def _friction(where: Where) -> float:
 
 
 def _cone_index(where: Where) -> float:
-    choices = [choice for choice in where.machine.slots.values() if choice.kind.name == "motion"]
-    is_soft = any(getattr(choice.params, "soil", "firm") == "brixius" for choice in choices)
-    return _param("motion", "cone_index_kpa")(where) if is_soft else nan
+    """Of the soil under the fixed axle, or the one that the motion level is told."""
+    own, soil = _param("motion", "cone_index_kpa")(where), where.field.soil
+    said = {getattr(c.params, "soil", None) for c in where.machine.slots.values() if c.kind.name == "motion"}
+    if "firm" in said or (soil is None and "brixius" not in said):
+        return nan
+    return own if own == own else DEFAULT_KPA if soil is None else float(soil.at(*where.place)) / KPA
 
 
 def _roughness(where: Where) -> float:
@@ -172,7 +177,7 @@ QUANTITIES: Mapping[str, Quantity] = {
 }  # fmt: skip
 # those that hang on the field and on parameters alone, wherever the machine is
 FIXED = frozenset((
-    "wind_lean_deg", "weeds_per_m2", "friction", "cone_index_kpa", "roughness_gd_m3", "rain_mm_h",
+    "wind_lean_deg", "weeds_per_m2", "friction", "roughness_gd_m3", "rain_mm_h",
     "dust_per_m", "other_crop", "cutting_height_m",
 ))  # fmt: skip
 

@@ -225,6 +225,36 @@ class GeoPlace(BaseModel):
     )
 
 
+ConeIndex = Annotated[float, Field(ge=100, le=10_000)]
+
+
+class WetSpot(BaseModel):
+    """A round place of softer soil."""
+
+    model_config = STRICT
+    x_m: Annotated[Metres, Field(description="of its middle, east [m]")]
+    y_m: Annotated[Metres, Field(description="of its middle, north [m]")]
+    radius_m: Annotated[float, Field(gt=0, le=1000, description="of the spot [m]")]
+    cone_index_kpa: Annotated[ConeIndex, Field(description="strength of its soil [kPa]")] = 400.0
+
+
+class SoilSection(BaseModel):
+    """Ground that gives way under wheels; without the section it is firm. docs/explanation/machine.md."""
+
+    model_config = STRICT
+    cone_index_kpa: Annotated[
+        ConeIndex, Field(description="strength of the soil: 450 soft, 900 tilled, 1200 firm, 1800 hard [kPa]")
+    ] = 1200.0
+    file: Annotated[str | None, Field(description="GeoTIFF of it in kPa; cone_index_kpa beyond the map")] = (
+        None
+    )
+    wet_spots: Annotated[list[WetSpot], Field(description="where it is softer")] = []
+    ruts: Annotated[bool, Field(description="whether wheels leave ruts that sensors and wheels meet")] = True
+    pass_exponent: Annotated[
+        float, Field(ge=1, le=10, description="a of depth ~ passes^(1/a): 2-3 loose, 4-5 firm soil [1]")
+    ] = 3.0
+
+
 class FieldCommon(BaseModel):
     """What the field takes beside its parts."""
 
@@ -237,6 +267,9 @@ class FieldCommon(BaseModel):
         str | None,
         Field(description="what earlier runs left of this field, written by swath run --save-field"),
     ] = None
+    soil: Annotated[SoilSection | None, Field(description="strength of the soil; default: firm ground")] = (
+        None
+    )
     origin: Annotated[
         GeoPlace | None, Field(description="where a made field lies on Earth; an imported one knows")
     ] = None

@@ -34,6 +34,8 @@ def write_state(path: Path, state: Mapping[str, Any], about: Mapping[str, Any]) 
     grain: Mapping[tuple[int, int], float] = state["grain"]["mass"]
     file = io.BytesIO()
     pages: dict[str, Any] = {f"codes_{i}": _bytes(c) for i, c in enumerate(codes) if isinstance(c, bytes)}
+    if (ruts := state.get("ruts")) is not None:
+        pages |= {"rut_nodes": ruts["nodes"], "rut_depth": ruts["depth"]}
     pages |= {f"straw_{i}": _bytes(s) for i, s in enumerate(straw) if s is not None}
     np.savez(
         file,
@@ -61,7 +63,11 @@ def read_state(path: Path, about: Mapping[str, Any]) -> dict[str, Any]:
         if keys.shape != (len(whole), 2) or has_straw.shape != whole.shape:
             raise ValueError("its pages do not fit together")
         grain = zip(arrays["grain_square"].tolist(), arrays["grain_kg"].tolist(), strict=True)
+        ruts: dict[str, Any] = {}
+        if "rut_nodes" in arrays:
+            ruts["ruts"] = {"nodes": arrays["rut_nodes"], "depth": arrays["rut_depth"]}
         return {
+            **ruts,
             "keys": keys.astype(np.int64),
             "codes": [_codes(int(code), arrays, i) for i, code in enumerate(whole)],
             "straw": [

@@ -24,7 +24,7 @@ HALF, ONE, TWO, THREE, SIX = (wp.constant(real(n)) for n in (0.5, 1.0, 2.0, 3.0,
 class Car:
     """What stays. ahead, behind: of the centre of gravity to the fixed axle (front) and of the steered one
     (rear) to it [m], both below 0 where the steered axle is ahead; from along_stiffness on: as
-    `traction.Traction`; SI.
+    `traction.Traction`; drag: resistance of soil over the weight, 0 on firm ground; SI.
     """
 
     ahead: wp.float64
@@ -47,6 +47,7 @@ class Car:
     thrust: wp.float64
     level_share: wp.float64
     grade_share: wp.float64
+    drag: wp.float64
 
 
 @wp.struct

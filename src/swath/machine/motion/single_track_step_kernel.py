@@ -18,10 +18,12 @@ from swath.machine.motion.single_track_kernel import (
     Track,
     held,
     integrated,
+    soft_sign,
 )
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
+BRIXIUS_SLIP, LEAST_FREE = wp.constant(real(7.5)), wp.constant(real(1e-6))
 
 
 @wp.struct
@@ -123,24 +125,28 @@ def grip(grade: wp.float64, car: Car) -> wp.float64:
 
 
 @wp.func
-def given(before: wp.float64, after: wp.float64, grade: wp.float64, dt: wp.float64, car: Car) -> wp.float64:
-    """As `traction.Traction.given`."""
+def given(
+    before: wp.float64, after: wp.float64, grade: wp.float64, asked: wp.float64, dt: wp.float64, car: Car
+) -> wp.float64:
+    """As `traction.Traction.given`. asked: grade and the resistance of soil."""
     level = ONE / wp.sqrt(ONE + grade * grade)
     most = wp.min(grip(grade, car) * level, car.thrust)
-    low = before + dt * (GRAVITY * (-most - grade * level))
-    high = before + dt * (GRAVITY * (most - grade * level))
+    low = before + dt * (GRAVITY * (-most - asked * level))
+    high = before + dt * (GRAVITY * (most - asked * level))
     return wp.min(wp.max(after, low), high)
 
 
 @wp.func
-def slipped(slip: wp.float64, grade: wp.float64, way: wp.float64, car: Car) -> wp.float64:
-    """As `traction.Traction.slip_after`."""
+def slipped(slip: wp.float64, grade: wp.float64, asked: wp.float64, way: wp.float64, car: Car) -> wp.float64:
+    """As `traction.Traction.slip_after`; on soil T / T_max = 1 - exp(-7.5 s), as `soil.Brixius`."""
     gone = -expm1(-way / car.along_relaxation)
-    free = ONE - wp.abs(grade) / grip(grade, car)
+    free = ONE - wp.abs(asked) / grip(grade, car)
     x = ONE
     if free > real(0.0):
         x = ONE - cbrt(free)
-    steady = wp.copysign(THREE * car.along_friction / car.along_stiffness * x, grade)
+    steady = wp.copysign(THREE * car.along_friction / car.along_stiffness * x, asked)
+    if car.drag > real(0.0):
+        steady = wp.copysign(wp.min(-wp.log(wp.max(free, LEAST_FREE)) / BRIXIUS_SLIP, ONE), asked)
     return slip + (steady - slip) * gone
 
 
@@ -323,12 +329,15 @@ def drive(
         if is_done:
             grade = -wp.sin(a.pitch) / wp.cos(a.pitch)
             before = slip
-            slip = slipped(slip, grade, wp.abs(speed) * h, car)
+            asked = grade
+            if car.drag > real(0.0):
+                asked += car.drag * soft_sign(speed)
+            slip = slipped(slip, grade, asked, wp.abs(speed) * h, car)
             d.start = speed
             d.middle = driven(rim, wanted, HALF * h, loop) / (ONE + HALF * (before + slip))
             rim = driven(rim, wanted, h, loop)
             free = rim / (ONE + slip)
-            d.end = given(speed, free, grade, h, car)
+            d.end = given(speed, free, grade, asked, h, car)
             if d.end != free:
                 rim = d.end * (ONE + slip)
                 d.middle = HALF * (speed + d.end)

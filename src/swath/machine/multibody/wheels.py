@@ -10,14 +10,15 @@ the brush acts against both together. With n stiffness and mu friction over load
 
     q = n s / mu,  Q = |q|,  F / Fz = -n s G(Q) / Q,  G = Q - Q^2/3 + Q^3/27 up to full sliding at Q = 3
 
-on soil after Brixius G = 1 - exp(-Q). The relaxation length along is sigma (n_x / n_y) (mu_y / mu_x)^2: then
-the force of the resting tyre has a potential, a machine that rocks on its tyres gains no energy.
+on soil after Brixius G = 1 - exp(-Q), the resistance a force along the ground. The relaxation length along is
+sigma (n_x / n_y) (mu_y / mu_x)^2: then the force of the resting tyre has a potential, a machine that rocks on
+its tyres gains no energy.
 
 Rolling resistance is a torque on the wheel, drag * load * rolling radius: the load acts ahead of the wheel's
 middle. The rolling radius is the free one less a third of the deflection (uncited).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cbrt, expm1, hypot, sqrt
 from typing import Any
 
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 from swath.core.component import KeepsState
 from swath.core.portable import product
 from swath.field.field import Field
+from swath.field.ground.soil import Soil
 from swath.machine.soil import Brixius, Firm
 from swath.machine.tyre import creep_damping
 
@@ -77,10 +79,21 @@ class Wheel:
 class Wheels(KeepsState):
     """Forces on all wheels of a machine. Order of the rows: as the wheels were given."""
 
-    kept = ("_along", "_side", "loads", "air_times", "_height", "_seen", "_rise_x", "_rise_y", "_basis")
+    kept = (
+        "_along",
+        "_side",
+        "loads",
+        "_indices",
+        "air_times",
+        "_height",
+        "_seen",
+        "_rise_x",
+        "_rise_y",
+        "_basis",
+    )
 
-    def __init__(self, ground: Field, wheels: list[Wheel]) -> None:
-        self._ground, self.wheels = ground, wheels
+    def __init__(self, ground: Field, wheels: list[Wheel], soil: Soil | None = None) -> None:
+        self._ground, self.wheels, self._soil = ground, wheels, soil
         beds = [w.bed() for w in wheels]
         self._s, self._q, self._j = (np.stack([b[i] for b in beds]) for i in range(3))
         self._rates = np.array([w.rate() for w in wheels])
@@ -94,6 +107,7 @@ class Wheels(KeepsState):
         n = len(self.wheels)
         self._along, self._side = [0.0] * n, [0.0] * n
         self.loads = [0.0] * n  # forces normal to the ground [N]
+        self._indices = [0.0] * n  # cone index of the soil under each [Pa]
         self.air_times = [0.0] * n  # since each wheel left the ground [s]
 
     def look(self, middles: Array, axes: Array) -> None:
@@ -105,6 +119,8 @@ class Wheels(KeepsState):
         x = middles[:, 0:1] + self._s * cy + across * cx
         y = middles[:, 1:2] - self._s * cx + across * cy
         height = np.asarray(self._ground.ground_height(x, y), dtype=float)
+        if self._soil is not None:
+            self._indices = self._soil.at(middles[:, 0], middles[:, 1]).tolist()
         lanes = height.reshape(len(height), 2, POINTS)
         rise = np.empty_like(lanes)
         rise[:, :, 1:-1] = (lanes[:, :, 2:] - lanes[:, :, :-2]) / (2.0 * self._step)
@@ -175,9 +191,12 @@ class Wheels(KeepsState):
             i, h, load, vx * ex + vz * ez, vx * fx + vy * fy + vz * fz, spin * radius
         )
         up = load / norm
-        px = drive * ex + drift * fx - up * gx
+        soft = 0.0
+        if w.soil.exponential:
+            soft, drag = drag * min(max(vx / FADE_SPEED, -1.0), 1.0), 0.0
+        px = (drive - soft) * ex + drift * fx - up * gx
         py = drift * fy - up * gy
-        pz = drive * ez + drift * fz + up
+        pz = (drive - soft) * ez + drift * fz + up
         mx, my, mz = ry * pz - rz * py, rz * px - rx * pz, rx * py - ry * px
         rest = -drive * radius - drag * radius - (my * level + mz * tilt)
         my, mz = my + rest * level, mz + rest * tilt
@@ -193,9 +212,12 @@ class Wheels(KeepsState):
     def _tread(
         self, i: int, h: float, load: float, forward: float, left: float, rim: float
     ) -> tuple[float, float, float]:
-        """Forces along and to the left, rolling resistance at the rim [N]; the slips go on by h [s]."""
+        """Forces along and to the left, resistance [N]; the slips go on by h [s]."""
         w = self.wheels[i]
-        grip = w.soil.at(load, self._along[i])
+        soil = w.soil
+        if isinstance(soil, Brixius):
+            soil = replace(soil, cone_index=self._indices[i])
+        grip = soil.at(load, self._along[i])
         lag = w.relaxation * (grip.along / grip.side) * (grip.side_top / grip.along_top) ** 2
         pace = abs(forward)
         sx = _lagged(self._along[i], forward - rim, pace, h, lag)
@@ -211,7 +233,7 @@ class Wheels(KeepsState):
             share = 1.0 - q / 3.0 + q * q / 27.0
         drive = grip.along * sx * share + creep_damping(pace, grip.along, lag) * (forward - rim)
         drift = grip.side * sy * share + creep_damping(pace, grip.side, w.relaxation) * left
-        fade = min(max(rim / FADE_SPEED, -1.0), 1.0)
+        fade = 1.0 if w.soil.exponential else min(max(rim / FADE_SPEED, -1.0), 1.0)
         return -load * drive, -load * drift, load * grip.drag * fade
 
     def energy(self, middles: Array, axes: Array) -> float:

@@ -9,6 +9,7 @@ from swath.field.site_setup import SiteSetup
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import Drivetrain, Engine, drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, dynamics_of
+from swath.machine.on_soil import in_field
 from swath.machine.traction import pull
 from swath.signals import EngineState, MachineLoad, MachineState, OrganLoads
 
@@ -142,6 +143,7 @@ class Powertrain(KeepsState):
         sheet = drivetrain_of(setup.machine)
         self._drivetrain = sheet if rated_power_kw is None else with_power(sheet, 1e3 * rated_power_kw)
         self._dynamics = dynamics_of(setup.machine)
+        self._soil = in_field(setup.field, setup.machine)
         self._width = setup.machine.header_width
 
     def _at_rest(self) -> Powers:
@@ -157,7 +159,12 @@ class Powertrain(KeepsState):
     def _taken(self, inputs: Inputs, accel: float) -> tuple[Powers, float]:
         """Powers at rated speed [W] and the force at the wheels [N] at an acceleration [m/s2]."""
         state, load = inputs["state"], inputs["load"]
-        force = pull(state, accel, load.tank_grain, self._dynamics)
+        dynamics = self._dynamics
+        if self._soil is not None:
+            (x, y, _), yaw = state.pose.position.tolist(), state.pose.euler()[2]
+            given = self._soil.given(x, y, yaw, self._soil.loads_at_rest(load.tank_grain), 0.0)
+            dynamics = replace(dynamics, rolling_resistance=given.drag)
+        force = pull(state, accel, load.tank_grain, dynamics)
         driving = propulsion_power(force, state.speed, self._drivetrain.hydrostat.efficiency)
         return powers(load, driving, self._width, self._drivetrain, inputs.get("organs")), force
 
