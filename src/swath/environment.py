@@ -97,7 +97,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
 
     @property
     def world(self) -> World | None:
-        """That of the present or last episode; None before the first, and once it is closed."""
+        """The world of the present or last episode; None before the first, and once it is closed."""
         driven = self._one.driven[0]
         return None if driven is None else driven.world
 

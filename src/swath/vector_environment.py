@@ -176,7 +176,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
 
     @property
     def scores(self) -> list[Score]:
-        """Of each environment, with the limits as they were judged last."""
+        """The scores of each environment, with the limits as they were judged last."""
         return list(self._scores)
 
     def _begin(self, which: np.ndarray, seeds: Sequence[int | None], infos: dict[str, Any]) -> None:
@@ -309,7 +309,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         infos[f"_{name}"] = self._mask(infos, name, which)
 
     def _mask(self, infos: Mapping[str, Any], name: str, which: np.ndarray) -> np.ndarray:
-        """Of which environments something is reported."""
+        """Which environments something is reported of."""
         mask: np.ndarray = infos.get(f"_{name}", np.zeros(self.num_envs, np.bool_))
         mask[which] = True
         return mask

@@ -132,7 +132,7 @@ class Inclination(KeepsState):
         return ahead / steep, left / steep
 
     def crab(self, per_g: float, lateral: float) -> float:
-        """By how much the fixed axle slips to the right of its heading [rad].
+        """Angle by which the fixed axle slips to the right of its heading [rad].
 
         per_g: slip per side force in g; lateral: acceleration to the left [m/s2]
         """

@@ -66,7 +66,7 @@ class LooksOn(Protocol, metaclass=ByMembers):
     """One of these with parts that are shown samples, too."""
 
     def lookers(self, slot: str, kinds: tuple[type[Signal], ...]) -> Sequence[Looker]:
-        """Those that want samples of these types from a slot."""
+        """The observers that want samples of these types from a slot."""
 
 
 def no_look() -> None:
@@ -161,7 +161,7 @@ class Pile:
 
     @property
     def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """By field, first axis the sample; some room may follow."""
+        """Arrays by field, first axis the sample; some room may follow."""
         if self.trail is not None and not self._arrays:
             memory = self.trail.memory
             found = {name: memory[name] for name in self.trail.row.arrays}
@@ -298,7 +298,7 @@ class Seen:
 
     @classmethod
     def of_one(cls, slot: str, t: int, outputs: Mapping[str, Signal]) -> "Seen":
-        """Of what a slot sent at t [ns]."""
+        """One sample of each output that a slot sent at t [ns]."""
         blocks = []
         for output, signal in outputs.items():
             sent = Sent(None, [signal])
@@ -324,7 +324,7 @@ class Seen:
         return list(dict.fromkeys((b.slot.partition(".")[0], b.kind) for b in self.blocks))
 
     def of_machine(self, machine: str) -> "Seen":
-        """That of one machine, "" = of all."""
+        """The same for one machine, "" = for all."""
         if machine not in self._of_machine:
             own = [b for b in self.blocks if self._is_of(b, machine)]
             # not itself: a cycle would hold all samples until it is collected
@@ -372,7 +372,7 @@ class Shown(Mapping[str, Signal]):
         return tuple(sent.kind for sent in self._sent.values())
 
     def samples(self, kind: type[S]) -> list[S]:
-        """Those of a type."""
+        """The samples of a type."""
         found: list[Any] = [s.each[self._world] for s in self._sent.values() if issubclass(s.kind, kind)]
         return found
 
@@ -394,13 +394,13 @@ class ShownToAll:
 
     @classmethod
     def of_one(cls, outputs: Mapping[str, Signal]) -> "ShownToAll":
-        """Of what a slot sent in one world."""
+        """What a slot sent in one world."""
         if isinstance(outputs, Shown):
             return outputs.to_all()
         return cls({output: Sent(None, [signal]) for output, signal in outputs.items()}, [0])
 
     def of(self, k: int) -> Shown:
-        """That of the k-th of these worlds."""
+        """The samples of the k-th of these worlds."""
         return Shown(self._sent, self.worlds[k], self._blocks)
 
     def numbers(self, kind: type[Signal], name: str) -> Sequence[Any] | None:
@@ -433,7 +433,7 @@ def number_of(outputs: Mapping[str, Signal], kind: type[Signal], name: str) -> A
 
 
 def samples_of(outputs: Mapping[str, Signal], kind: type[S]) -> list[S]:
-    """Those of a type; of `Shown` no others are made."""
+    """The samples of a type; of `Shown` no others are made."""
     if isinstance(outputs, Shown):
         return outputs.samples(kind)
     return [signal for signal in outputs.values() if isinstance(signal, kind)]
@@ -463,7 +463,7 @@ class Blocks:
                 self._begin(slot, output, sent).add(order, t, sent)
 
     def head(self, wire: Wire) -> Ints:
-        """By which compiled code knows the trail of an output, for life."""
+        """The array by which compiled code knows the trail of an output, for life."""
         return self._heads.setdefault(wire, np.zeros(HEAD, np.int64))
 
     def reserve(self, wire: Wire, row: Row, more: int) -> None:
@@ -485,7 +485,7 @@ class Blocks:
         return found
 
     def waiting(self, world: int, kind: type[Signal], machine: str) -> Block | None:
-        """Of a type and machine what nobody has looked at."""
+        """Samples of a type and machine that nobody has looked at."""
         own = [Block(pile, world) for pile in self.piles(kind, machine) if pile.count]
         return (own[0] if len(own) == 1 else Seen(own).of(kind)) if own else None
 

@@ -57,7 +57,7 @@ class CheckedOutput(FaultyOutput):
 
 @per_signal
 def _checks(signal: type[Signal]) -> list[tuple[str, Check, str]]:
-    """Of each field of a sample type its name, what holds for a right value, and that in words."""
+    """For each field of a sample type: its name, what holds for a right value, and that in words."""
     hints, found = get_type_hints(signal, include_extras=True), list[tuple[str, Check, str]]()
     for field in fields(signal):
         hint = hints[field.name]

@@ -52,7 +52,7 @@ class Node:
 
     @property
     def cost_s(self) -> float:
-        """Its share of the time that its steps took so far."""
+        """Time that the steps of this node took so far: its share where several were stepped together [s]."""
         return self.cost.seconds / self.cost.sharers
 
     @property

@@ -93,7 +93,7 @@ class Lens:
         )
 
     def _brown_rays(self, image: Array) -> Array:
-        """By Newton's method with differences, from the middle out: the branch that a real lens has."""
+        """Rays by Newton's method with differences, from the middle out: the branch that a real lens has."""
         xy = np.array(image)
         step = 1e-6
         for _ in range(ITERATIONS if self.coefficients else 0):

@@ -75,7 +75,7 @@ class Onlookers:
 
 
 def _late(observers: Sequence[Any]) -> list[Any]:
-    """Those that look now and then."""
+    """The observers that look now and then."""
     return [o for o in observers if isinstance(o, TakesBlocks) and o.is_late]
 
 

@@ -134,7 +134,7 @@ class Source:
         self.trail.append(sent.all.t)
 
     def since(self, first: int) -> list[Sent]:
-        """Its samples from one on."""
+        """The samples of a trail from one on."""
         if self.is_of_op:  # which takes them whenever it steps
             return [Sent(self.trail.at(k)) for k in range(first, self.trail.count)]
         for k in range(len(self._made), self.trail.count):

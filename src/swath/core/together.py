@@ -71,7 +71,7 @@ class Samples:
 
     @staticmethod
     def joined(signals: Sequence[Signal], active: Sequence[bool] | None = None) -> "Samples":
-        """Of the samples of all worlds; arrays that differ in shape become one array of objects.
+        """The samples of all worlds as one; arrays that differ in shape become one array of objects.
 
         active: worlds that still run, None = all; others have an older sample, which nobody looks at any
         more. SwathError where the samples of those that run are not of one time.

@@ -63,12 +63,12 @@ class YieldSection(ABC):
 
     @abstractmethod
     def masses(self, organs: "Organs") -> tuple[float, float, float]:
-        """Of a mean stem: grain [kg], straw over grain, and the mass of one without any grain [kg]."""
+        """Masses of a mean stem: grain [kg], straw over grain, and the mass of one without any grain [kg]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GrainYield(YieldSection, ABC):
-    """With grain. thousand_grain_mass [kg]; straw_to_grain: straw above ground per grain mass."""
+    """Yield with grain. thousand_grain_mass [kg]; straw_to_grain: straw above ground per grain mass."""
 
     thousand_grain_mass: Annotated[float, Quantity("g", 0.1, 1000)]
     straw_to_grain: Annotated[float, Quantity("", 0.05, 10)]
@@ -84,7 +84,7 @@ class GrainYield(YieldSection, ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class BareYield(YieldSection):
-    """Of plants without grain. stem_mass: of one [kg]."""
+    """Yield of plants without grain. stem_mass: of one stem [kg]."""
 
     stem_mass: Annotated[float, Quantity("g", 1e-3, 1000)]
 

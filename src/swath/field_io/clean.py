@@ -208,7 +208,7 @@ def _time_in_pass(log: Log, pass_id: NDArray[np.int64]) -> tuple[Array, Array]:
 def _narrow_strips(
     log: Log, grain: Array, pass_id: NDArray[np.int64], index: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Of the records `index`, those on a strip that yields far less than the passes beside it.
+    """Those of the records `index` that lie on a strip that yields far less than the passes beside it.
 
     The last strip of a land is seldom as wide as the header, but the monitor takes the full width: over a
     running median of STRIP_RECORDS such a pass lies below STRIP_SHARE of both what lies beside.

@@ -236,7 +236,7 @@ def _import_plan(path: Path, out: Path, dem: Path | None, settings: Settings) ->
 
 
 def _of_crop(settings: Settings, crop: Crop) -> Settings:
-    """With what the crop has for itself where nothing is given."""
+    """Settings with the crop's own numbers where nothing is given."""
     if crop.yields.grain_mass <= 0.0:
         raise InputError("crop", crop.name, "expected a crop with grain")
     grain, height = 1000.0 * crop.yields.grain_mass, crop.stand.height

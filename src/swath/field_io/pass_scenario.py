@@ -91,7 +91,7 @@ def speed_of(track: Track) -> float:
 
 
 def edge_offset(track: Track) -> float:
-    """From a pass to the edge that its left header end went along [m], to the left."""
+    """Distance from a pass to the edge that its left header end went along [m], to the left."""
     return 0.5 * track.header_width - OVERLAP_M
 
 

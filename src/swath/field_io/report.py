@@ -83,6 +83,6 @@ class ImportReport:
 
 
 def _delay(machine: dict[str, Any]) -> str:
-    """Of the flow, where it is known; else its method says so."""
+    """The delay of the flow and its error as text, empty where it is not known."""
     seconds, error = machine["flow_delay_s"], machine["flow_delay_error_s"]
     return "" if seconds != seconds else f"{seconds:+.1f}{f' +-{error:.1f}' if error == error else ''} s"

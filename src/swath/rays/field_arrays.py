@@ -106,7 +106,7 @@ class LiveScene:
         return scene
 
     def _highest_ground(self, pages: Pages) -> F32:
-        """Of each tile's plane, worked out again when pages came into memory."""
+        """Highest ground of each tile's plane, worked out again when pages came into memory."""
         plane, (known, made, corners) = pages.tile_plane, self._corners
         if known is not plane or made != pages.made:
             corners = plane_tops(plane, self.field.library.tile_size)

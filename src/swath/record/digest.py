@@ -303,7 +303,7 @@ def _kind(dtype: "np.dtype[Any]") -> Any:
 def _column(
     of_one: bytes, array: np.ndarray
 ) -> list[tuple[bytes, "np.dtype[Any]", int, tuple[int, ...], bytes]]:
-    """Of a field: bytes before, type of numbers, first of them, their shape, bytes after."""
+    """Column of a field: bytes before, type of numbers, first of them, their shape, bytes after."""
     kind, shape = array.dtype, array.shape[1:]
     if of_one[:1] == b"(":  # a pose
         return [(PLACE, REAL, 0, (3,), b""), (TURN, REAL, 3, (3, 3), b")")]

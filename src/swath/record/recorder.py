@@ -158,7 +158,7 @@ class Recorder:
 
     @property
     def left_out(self) -> str:
-        """Of a thinned recording how many samples have no message, by slot and output; "" = none."""
+        """How many samples of a thinned recording have no message, by slot and output; "" = none."""
         self.look()
         left_out = [
             f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out
@@ -213,7 +213,7 @@ class Recorder:
             pass
 
     def _write_blocks(self) -> None:
-        """Those that the tick before made full: a tick with a scan, which fills most, has enough to do."""
+        """Write the blocks that the last tick filled: not in that tick, which may hold a scan."""
         full, self._full = self._full, []
         for blocks in full:
             blocks.flush()

@@ -301,7 +301,7 @@ def _kind_of(column: _Column) -> str:
 
 
 def _columns_of(columns: Sequence[_Column]) -> list[tuple[str, bool, bytes]]:
-    """Of each its entry in `kinds`, whether its values are one and the same array, bit for bit, its bytes."""
+    """For each column: entry in `kinds`, whether all values are one array, bit for bit, and its bytes."""
     kinds = [_kind_of(values) for values in columns]
     held = [isinstance(v[0], np.ndarray) and _are_same(v[0], v) for v in columns]
     arrays = []

@@ -64,7 +64,7 @@ def _jpeg(source: Source, image: Image) -> Any:
 
 
 def _camera_info(source: Source, image: Image) -> Any:
-    """With the lens's distortion in D; P is K beside a column of zeros: it holds after undistortion."""
+    """CameraInfo: D is the lens's distortion; P is K beside a column of zeros and holds without it."""
     k = np.array([[image.focal, 0.0, image.centre_x], [0.0, image.focal, image.centre_y], [0.0, 0.0, 1.0]])
     return source.make(
         "sensor_msgs/msg/CameraInfo",

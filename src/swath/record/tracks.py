@@ -80,7 +80,7 @@ def signal_columns(signal: type[Signal], key: Any, prefix: str = "") -> list[Col
 
 
 def machine_columns(machine: RecordedMachine) -> list[Column]:
-    """Those of every table, then those of what else the machine publishes."""
+    """The columns of every table, then those of what else the machine publishes."""
     ordered = [kind for kind in signal_types() if kind.about.track_order is not None]
     ordered.sort(key=lambda kind: kind.about.track_order or 0)
     found = [column for kind in ordered for column in signal_columns(kind, kind)]

@@ -116,7 +116,7 @@ class Scene:
             self._find_ranges(machine)
 
     def values(self, machine: str, state: MachineState) -> Iterator[tuple[str, Checked, Any]]:
-        """Of each slot and range of a machine what it meets now."""
+        """What a machine meets now, for each slot and range."""
         about = self.world.machines[machine]
         self._take_changes(about)
         where, fixed = where_is(about, self.world.field, state), self._fixed[machine]
@@ -144,7 +144,7 @@ class Scene:
 
 
 def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dict[str, list[str]]:
-    """Of each slot the quantities that change what it does, and for which its level declares no range."""
+    """For each slot: the quantities that change what it does, and for which its level declares no range."""
     found = {}
     for slot, choice in machine.slots.items():
         known = {checked.quantity for checked in ranges.get(slot, ())}

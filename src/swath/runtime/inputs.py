@@ -27,7 +27,7 @@ MOST = 3  # numbers that are named
 
 
 def inputs_of(world: World, evaluation: Any) -> dict[str, Any]:
-    """By machine and metric `numbers`, a count by tag of each source, and those that `matter_most`."""
+    """By machine and metric: `numbers`, a count by tag of each source, and those that `matter_most`."""
     found = {}
     for machine in world.machines.values():
         entry = dict(_of_machine(world, evaluation, machine))
@@ -89,7 +89,7 @@ def _crop(world: World) -> dict[str, dict[str, int]]:
 def _worth(
     world: World, machine: Machine, sheet: Sheet, slots: Mapping[str, Any]
 ) -> dict[str, dict[str, float]]:
-    """By metric and number: percent per percent."""
+    """What a number is worth, by metric and number: percent per percent."""
     state = world.graph.latest(f"{machine.name}.motion", "state")
     load = world.graph.latest(f"{machine.name}.process", "load")
     found: dict[str, dict[str, float]] = {}

@@ -58,7 +58,7 @@ class Machine:
 
     @property
     def name(self) -> str:
-        """Its name in the scenario."""
+        """The name of the machine in the scenario."""
         return self.section.name
 
     @property
@@ -73,7 +73,7 @@ class Machine:
 
     @cached_property
     def header_kinematics(self) -> HeaderKinematics:
-        """Of a header that is level at the ground."""
+        """The kinematics of a header that is level at the ground."""
         return HeaderKinematics(self.sheet, 0.0)
 
     @property
@@ -82,7 +82,7 @@ class Machine:
         return bool(self.slots_of("header"))
 
     def slots_of(self, kind: str) -> list[str]:
-        """Its slots of a kind, such as `lidar_left` and `lidar_right` of `lidar`."""
+        """The slots of a kind, such as `lidar_left` and `lidar_right` of `lidar`."""
         return [slot for slot, choice in self.section.slots.items() if choice.kind.name == kind]
 
     @property

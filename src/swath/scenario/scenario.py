@@ -74,7 +74,7 @@ class Scenario:
         return self.realtime is not None and self.realtime.common.pace == "real_time"
 
     def _repr_html_(self) -> str:
-        """Of a notebook: what it is, and all of it to unfold."""
+        """HTML for a notebook: what it is, and all of it to unfold."""
         text = html.escape(self.resolved())
         return f"<details><summary>{html.escape(repr(self))}</summary><pre>{text}</pre></details>"
 

@@ -296,7 +296,7 @@ class ScanningLidar(KeepsState, ABC):
 
     @property
     def identity(self) -> str:
-        """By the data sheet."""
+        """What the scanner answers to DeviceIdent, by its data sheet."""
         return self.sheet.device_ident
 
     @property

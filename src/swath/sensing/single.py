@@ -85,7 +85,7 @@ class SingleRays:
         self.beams.lie_in(origins, flags, first.beams)
 
     def aims_as(self, first: "SingleRays") -> None:
-        """Its beams are in the memory of another one's where they are the same, and stay so."""
+        """Keep the beams in the memory of another scanner's where both are the same, and stay so."""
         if self.scanner.noise.angle == 0.0 and np.array_equal(self._forward, first._forward):
             self._forward = first._forward
 

@@ -35,7 +35,7 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def _widths(columns: Sequence[str], rows: Sequence[Sequence[str]], most: int) -> list[int]:
-    """Of the columns of a table: as wide as their text, or else the widest narrower, at first to whole words.
+    """Widths of columns: those of their text; if that is too wide, the widest is narrowed first.
 
     most: width of the table with its edges and what is between columns
     """

@@ -57,7 +57,7 @@ class Penetration(KeepsState):
         return {"ahead": _nothing(0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        """From the newest scan; the sample carries the scan's time."""
+        """Look at the newest scan; the sample carries the scan's time."""
         scan: Scan | None = inputs["scan"]
         if scan is None:
             return {"ahead": _nothing(t + dt)}

@@ -51,7 +51,7 @@ class Params:
 
 
 class RimFit(KeepsState):
-    """Of one scanner; a sample is of the scan that it comes from."""
+    """The rim as one scanner sees it; a sample has the time of the scan that it comes from."""
 
     inputs = (Port("scan", Scan, unit="m", shape=(None,)), Port("peer", PeerState, optional=True))
     outputs = (Port("box", BoxSeen),)

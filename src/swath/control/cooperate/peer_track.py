@@ -34,7 +34,7 @@ class PeerTrack(KeepsState):
 
     @property
     def curvature(self) -> float:
-        """Of the other one's path, > 0 left [1/m]; 0 at a crawl."""
+        """Curvature of the other machine's path, > 0 left [1/m]; 0 at a crawl."""
         return self.yaw_rate / self.speed if self.speed > 0.3 else 0.0
 
     def update(self, t: int, dt: int, peer: PeerState, own: Odometry) -> None:

@@ -208,7 +208,7 @@ def chosen(v: Numbers, n: int, k: int) -> wp.float64:
 
 @wp.func
 def median(v: Numbers, n: int) -> wp.float64:
-    """Of n > 0 numbers, whose order changes."""
+    """Median of n > 0 numbers, whose order changes."""
     upper = chosen(v, n, n // 2)
     if n % 2 == 1:
         return upper
@@ -264,7 +264,7 @@ def coin(count: int, n: int) -> wp.float64:
 
 @wp.func
 def otsu_threshold(z: Numbers, n: int, v: Numbers) -> wp.float64:
-    """Of n > 1 heights: with the largest variance between both classes. v: gets them in order."""
+    """Threshold of n > 1 heights with the largest variance between both classes. v: gets them in order."""
     order(z, n, v)
     mean = mean_of(v, 0, n)
     centred = real(0.0)

@@ -36,6 +36,6 @@ def finite(value: float) -> float:
 
 
 def no_edge(t: int, reference: float) -> CropEdge:
-    """That there is none at t [ns]; reference: where it would be reported [m]."""
+    """The sample that says there is no edge at t [ns]. reference: where one would be reported [m]."""
     nan = float("nan")
     return CropEdge(t, nan, nan, 0.0, reference, 0.0, nan, nan)

@@ -206,7 +206,7 @@ class Cluster(Following):
         return np.where(beside > 0.0, evidence, 0.0)
 
     def _heap(self, t: float, echoes: F64) -> Heap | None:
-        """Of echoes (n, 5): place, evidence as narrow and as high; None where crop explains them."""
+        """Place of a heap of echoes (n, 5), evidence that it is narrow, and high; None where it is crop."""
         if len(echoes) < self._p.least_echoes or echoes[:, 3:].sum() < self._p.least_depths:
             return None
         eye = self._mounting.position

@@ -46,7 +46,7 @@ class ConstantSpeed(InWorlds):
 
 
 class Speeds(EdgeGuards):
-    """Those of many worlds; objects are looked at one by one."""
+    """The parts of many worlds, stepped together; objects are looked at one by one."""
 
     def __init__(self, parts: Sequence[ConstantSpeed]) -> None:
         super().__init__([part.guard for part in parts], [part.wanted for part in parts])

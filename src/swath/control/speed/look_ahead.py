@@ -133,7 +133,7 @@ class Forecast(KeepsState, ABC):
 
 
 class Seen(Forecast):
-    """By a scanner; one factor is learned."""
+    """Throughput ahead by a scanner; one factor is learned."""
 
     kept = (*Forecast.kept, "_raw", "_past", "_sums")
 
@@ -155,7 +155,7 @@ class Seen(Forecast):
         return self.factor > 0.0
 
     def rate_of(self, value: float) -> float:
-        """By the factor."""
+        """Throughput by the factor."""
         return self.factor * value
 
     def look(self, now: int, distance: float, speed: float, inputs: Inputs) -> None:
@@ -192,7 +192,7 @@ class Seen(Forecast):
 
 
 class Mapped(Forecast):
-    """By a map, whose line is learned.
+    """Throughput ahead by a map; a line from its yield to the throughput is learned.
 
     A map that is too high everywhere does no harm, nor does one that says nothing.
     """
@@ -223,7 +223,7 @@ class Mapped(Forecast):
         return max((together + trusted * r / m) / (spread + trusted), 0.0)
 
     def rate_of(self, value: float) -> float:
-        """By the line."""
+        """Throughput by the line."""
         w, m, r = self._short
         return max(r / w + self.slope * (value - m / w), 0.1 * r / w)
 
@@ -346,7 +346,7 @@ def _with(*needed: str, without: tuple[str, ...] = ()) -> tuple[Port, ...]:
 
 
 class MapAhead(LookAhead):
-    """By a map alone."""
+    """Look ahead by a map alone."""
 
     inputs = _with("map", without=("ahead",))
 
@@ -356,7 +356,7 @@ class MapAhead(LookAhead):
 
 
 class JoinedAhead(LookAhead):
-    """By scanner and map, both of which must be there."""
+    """Look ahead by scanner and map, both of which must be there."""
 
     inputs = _with("map", "ahead")
 

@@ -132,7 +132,7 @@ class Params:
 
 
 class BesidePath(NamedTuple):
-    """Of a path beside a place.
+    """Where a path lies beside a place.
 
     left: how far to the left of it the place is [m]
     course: its direction against the machine's [rad]; curvature [1/m]

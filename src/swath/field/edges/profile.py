@@ -33,7 +33,7 @@ REACH = 8.0  # to both sides: what a profile cannot carry must not be there [m]
 
 
 class Profile(KeepsState):
-    """Of a field along an edge. field: a `field.Field`.
+    """The profile of a field along an edge. field: a `field.Field`.
 
     s0: of the first station [m]; x, y: stations in the stand frame, (n,); cosine, sine, curvature [1/m] of
     the line. Of columns, (n, COLUMNS): z of their plane at the station, its slope_x, slope_y, after `lay`;

@@ -236,7 +236,7 @@ class Thing:
 
     @property
     def in_world(self) -> Solids:
-        """Its solids at t = 0."""
+        """The solids of an obstacle at t = 0."""
         return moved(self.solids, self.pose)
 
 

@@ -121,7 +121,7 @@ def _reader(**files: Any) -> Any:
 
 
 def _encoding(parts: Parts, data: dict[str, bytes]) -> str:
-    """That of the .cpg; without one UTF-8 where the table is it, else the code page of Windows."""
+    """Encoding by the .cpg file; without one UTF-8 where the table is that, else the code page of Windows."""
     stated = parts["cpg"]().decode("ascii", "replace").strip().lower() if "cpg" in parts else ""
     if stated in ("utf-8", "utf8", "65001"):
         return "utf-8"
@@ -145,7 +145,7 @@ def _metadata(parts: Parts) -> dict[str, Any]:
 
 
 def _point(shape: Any) -> tuple[float, float]:
-    """Of a polygon the middle of its corners: what a header cut in a step."""
+    """Place of a shape; of a polygon, which is what a header cut in a step, the middle of its corners."""
     points: Sequence[Any] = shape.points[:-1] if shape.shapeType in POLYGONS else shape.points
     if not points or (len(points) > 1 and shape.shapeType not in POLYGONS):
         return math.nan, math.nan

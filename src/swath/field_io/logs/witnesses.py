@@ -559,7 +559,7 @@ def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[s
 
 
 def _median(values: Array) -> float:
-    """Of the positive ones; nan where there are too few."""
+    """Median of the positive values; nan where there are too few."""
     values = values[np.isfinite(values) & (values > 0.0)]
     return float(np.median(values)) if len(values) >= AT.fewest else np.nan
 

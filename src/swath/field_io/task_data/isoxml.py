@@ -101,7 +101,7 @@ class TimeLog:
 
     @property
     def begin(self) -> np.datetime64:
-        """Its first known time, the epoch where none is known."""
+        """The first known time of a log, the epoch where none is known."""
         known = self.time[~np.isnat(self.time)]
         return known[0] if len(known) else EPOCH
 

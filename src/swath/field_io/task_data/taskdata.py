@@ -139,7 +139,7 @@ class Device:
     def whole(
         self, of: Collection[str], marks: Collection[str] = (), size: Callable[[str], float] = lambda _: 0.0
     ) -> list[str]:
-        """Those of some elements that together make up the machine's header.
+        """The numbers of those elements that together make up the machine's header.
 
         What is part of another one of them is in that. Sections of the same part stand beside each other. Of
         several parts the one counts that is marked (has the yield), else the largest.
@@ -319,7 +319,7 @@ def _points(line: Node) -> tuple[tuple[str, ...], Array]:
 
 
 def _rings(polygon: Node, kind: str, part: Part) -> list[Array]:
-    """Its rings of a type that have at least three places."""
+    """The rings of a type that have at least three places."""
     found = [_points(line)[1] for line in polygon.of("LSG") if line.get("A") == kind]
     good = [ring for ring in found if len(ring) >= 3 and np.isfinite(ring).all()]
     part.unused["ring without its places"] += len(found) - len(good)

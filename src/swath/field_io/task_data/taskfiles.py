@@ -81,7 +81,7 @@ class Node:
         return self.attributes.get(attribute, "")
 
     def of(self, tag: str) -> list["Node"]:
-        """Its children of a kind."""
+        """The children of a kind."""
         return [child for child in self.children if child.tag == tag]
 
 

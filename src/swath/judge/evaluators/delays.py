@@ -39,7 +39,7 @@ class Delays(Later):
                     self._ages.setdefault(name, Counter()).update(ages)
 
     def metrics(self) -> dict[str, float]:
-        """Of what the machine has: nothing without an edge detection or automatic steering."""
+        """Metrics of what the machine has: none without an edge detection or automatic steering."""
         return {name: _percentile(ages, 95.0) / NS for name, ages in self._ages.items()}
 
 

@@ -237,7 +237,7 @@ class EdgeDetection(SeesAll, Later):
         return other
 
     def metrics(self) -> dict[str, float]:
-        """Of all edges; nothing of a machine without an edge detection."""
+        """Metrics of all edges; none of a machine without an edge detection."""
         if not self._rows and not self._judged and not self._waiting:
             return {}
         return edge_metrics(self.series(), settling=self.setup.settling_m)
@@ -253,7 +253,7 @@ class EdgeDetection(SeesAll, Later):
 
     @property
     def true_offset(self) -> float:
-        """Of the newest judged sample, y in the machine frame [m], nan = there is no true edge."""
+        """True edge at the newest judged sample, y in the machine frame [m], nan = there is none."""
         if self._rows:
             return float(self._judge(self._rows[-1:], self._crop[-1:])[0, 2])
         return NAN if self._newest is None else float(self._newest[2])

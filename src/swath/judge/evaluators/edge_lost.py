@@ -63,7 +63,7 @@ class EdgeLost(Later):
             self._state = states.sample(-1)
 
     def metrics(self) -> dict[str, float]:
-        """Of all losses; nothing of a machine without an edge detection."""
+        """Metrics of all losses of the edge; none of a machine without an edge detection."""
         if not self._has_edges:
             return {}
         times, ways = [0.0], [0.0]

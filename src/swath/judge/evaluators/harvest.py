@@ -62,7 +62,7 @@ class Harvest(Later):
             self._distance = float(states["distance"][-1])
 
     def metrics(self) -> dict[str, float]:
-        """Of all that was cut; nothing of a machine without a header."""
+        """Metrics of all that was cut; none of a machine without a header."""
         if not self._has_header:
             return {}
         return {

@@ -53,7 +53,7 @@ class LateralError(Later):
         self._has_header |= seen.of(CropFlow) is not None
 
     def metrics(self) -> dict[str, float]:
-        """Of the whole path; nothing of a machine without a header."""
+        """Metrics of the whole path; none of a machine without a header."""
         if not self._has_header:
             return {}
         series = self.series()

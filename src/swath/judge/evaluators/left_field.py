@@ -63,7 +63,7 @@ class LeftField(Later):
         self._has_header |= flows is not None
 
     def metrics(self) -> dict[str, float]:
-        """Of the whole way; nothing of a machine without a header."""
+        """Metrics of the whole path; none of a machine without a header."""
         if not self._has_header:
             return {}
         left = len([e for e in self.events() if e.kind == "left_the_field"])

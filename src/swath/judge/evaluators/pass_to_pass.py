@@ -64,7 +64,7 @@ class PassToPass(Later):
             self._cuts = bool(flows["area"][-1] > 0.0)
 
     def metrics(self) -> dict[str, float]:
-        """Of all passes; nothing of a machine that cuts one or none, nan where none lies beside another."""
+        """Metrics of all passes; none with fewer than two passes, nan where none lies beside another."""
         if not self._counts or self._pass == 0:
             return {}
         overlap = self.overlaps()

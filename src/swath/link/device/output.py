@@ -118,7 +118,7 @@ class Device:
             self._close()
 
     def summary(self) -> dict[str, Any]:
-        """Its entry in summary.json."""
+        """The entry of this output in summary.json."""
         found = {"address": str(self.where), "samples": self.sample_count, "sent": self.sent_count}
         if self._late:
             jitter = np.percentile(np.array(self._late) * 1e-6, (50, 99, 100))
@@ -334,7 +334,7 @@ class Nmea(LineDevice):
 
 
 def convergence(origin: Origin | None, x: float, y: float) -> float:
-    """From true to grid north at a place [m], clockwise [rad]; 0 without an origin."""
+    """Angle from true to grid north at a place [m], clockwise [rad]; 0 without an origin."""
     if origin is None:
         return 0.0
     from swath.field.maps.projection import ellipsoid

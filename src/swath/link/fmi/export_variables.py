@@ -52,7 +52,7 @@ class Variable:
 
     @classmethod
     def of(cls, entry: dict[str, Any]) -> "Variable":
-        """From the plain data of `asdict`."""
+        """The variable of the plain data of `asdict`."""
         return cls(**{**entry, "shape": tuple(entry["shape"]), "key": tuple(entry["key"])})
 
 

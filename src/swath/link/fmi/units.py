@@ -38,7 +38,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Scale:
-    """From a foreign number to swath's: ours = factor * theirs + offset."""
+    """Conversion of a foreign number to swath's: ours = factor * theirs + offset."""
 
     factor: float = 1.0
     offset: float = 0.0

@@ -382,13 +382,13 @@ def _can_be(signal: type[Signal], msgtype: str, context: Context) -> bool:
 
 
 def numbers_of(port: str, given: Mapping[str, bool | float]) -> dict[str, bool | float]:
-    """Those of `output.number: value` that belong to an output, by number."""
+    """The values of `output.number: value` that belong to an output, by number."""
     lead = f"{port}."
     return {key.removeprefix(lead): value for key, value in given.items() if key.startswith(lead)}
 
 
 def to_local(params: Params, base: Path) -> ToLocal | None:
-    """From longitude and latitude to the metres of a field folder or of a plane; None: at the first fix."""
+    """Metres of longitude and latitude: of a field folder or a plane; None: a plane at the first fix."""
     if params.field_folder is not None:
         return field_plane(base / params.field_folder)
     o = params.origin
@@ -709,7 +709,7 @@ class LogPlayer:
         return self._fixes[topic]
 
     def _antenna_of(self, topic: str) -> tuple[float, float, float]:
-        """By /tf_static; where that does not say, below the antenna is the machine's origin."""
+        """Place of an antenna by /tf_static; where that does not say, the machine's origin lies below it."""
         found = self._static_mounting()
         x, y, z = (0.0, 0.0, 0.0) if found is None else found.position.tolist()
         return x, y, z

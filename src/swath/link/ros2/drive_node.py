@@ -112,7 +112,7 @@ class DriveNode:
 
     @property
     def notes(self) -> list[str]:
-        """That the clock on the wall enters, and how often no command was in force."""
+        """Notes: the clock on the wall enters, and how often no command was in force."""
         if not self._steps:
             return []
         return [

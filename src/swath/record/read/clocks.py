@@ -42,7 +42,7 @@ class _Clock:
 
 @dataclass
 class Clocks:
-    """Of what was measured in a frame, in a kind of message, each.
+    """The clocks of messages, one for each frame and kind of message.
 
     Those that differ from the log's, or from each other, by no more than a delay count as one, and stamps as
     they are. Others count by the scale of time that lies as far ahead, else from when the first message was

@@ -60,7 +60,7 @@ class Definitions:
 
 
 def definitions_of(text: bytes, name: str, *, is_idl: bool = False) -> Definitions:
-    """Those of a text. Raises what rosbags raises for one that is none, and as `Definitions`."""
+    """The definitions in a text. Raises what rosbags raises for another text, and as `Definitions`."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     if len(text) > MOST_TEXT:

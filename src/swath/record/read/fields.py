@@ -60,7 +60,7 @@ class Context:
         return min(self.time(message, t), t)
 
     def pose(self, message: Any) -> Pose:
-        """Of the machine, from a message that has a pose: of itself, or of what `below` leads on from."""
+        """Pose of the machine from a message with its pose, or that of a frame that `below` knows."""
         pose, below = pose_of(getattr(message.pose, "pose", message.pose)), self.below(message)
         return pose if below is None else pose @ below
 

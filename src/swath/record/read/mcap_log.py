@@ -139,7 +139,7 @@ class McapLog:
         return None
 
     def _indexed_topics(self) -> dict[str, tuple[int, Any]] | None:
-        """From the summary at the end of a whole file."""
+        """Topics by the summary at the end of a whole file."""
         summary = self._summary()
         if summary is None or not summary.channels:
             return None

@@ -60,7 +60,7 @@ class CameraSheet:
 
     @property
     def optics(self) -> Lens:
-        """Its lens. InputError where the number of coefficients does not fit the formulas."""
+        """The lens. InputError where the number of coefficients does not fit the formulas."""
         return Lens(self.lens, tuple(self.distortion))
 
     @property

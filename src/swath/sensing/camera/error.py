@@ -55,7 +55,7 @@ def filters(height: int, width: int) -> NDArray[np.int64]:
 
 
 def filtered(light: F64) -> F64:
-    """Of light (height, width, 3) what each pixel's filter lets through, (height, width)."""
+    """What each pixel's filter lets through of light (height, width, 3), (height, width)."""
     colour = filters(*light.shape[:2])
     return np.take_along_axis(light, colour[..., None], axis=2)[..., 0]
 

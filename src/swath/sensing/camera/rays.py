@@ -96,7 +96,7 @@ def _near(solids: Solids, velocity: F64, starts: F64, directions: F64, late: F64
 def boxes_of(
     t: int, instance: NDArray[np.uint16], depth: NDArray[np.float32], things: Instances
 ) -> ImageBoxes:
-    """Of every thing that at least one pixel (height, width) shows."""
+    """The boxes of all things that at least one pixel (height, width) shows."""
     v, u = np.nonzero(instance)
     if len(v) == 0:
         return no_boxes(t)

@@ -171,14 +171,14 @@ class ErrorGnss(KeepsState):
         return Reception(self.quality_at(at))
 
     def _attitude(self, t: int, at: int, quality: int) -> dict[str, float]:
-        """By two antennas, while the carriers are tracked."""
+        """Heading and roll by two antennas, while the carriers are tracked."""
         if self._pair is None or quality < FIX_QUALITIES.index("float"):
             return {}
         vertical = self._figures[FIX_QUALITIES[quality]].vertical
         return self._pair.seen(at, self._turns.at(t, 2).tolist(), vertical)
 
     def quality_at(self, t: int) -> int:
-        """Of a fix measured at t [ns]: the least of all that holds then; none before the start."""
+        """Quality of a fix measured at t [ns]: the least of all that holds then; none before the start."""
         if t < 0:
             return 0
         return min((q for begin, end, q in self._losses if begin <= t < end), default=self._own)

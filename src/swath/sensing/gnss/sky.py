@@ -375,7 +375,7 @@ class SkyGnss(ErrorGnss):
         return Reception(quality, stretch, offset, more)
 
     def age(self, at: int) -> float:
-        """Of the corrections at a time [ns], in s; PPP has its own."""
+        """Age of the corrections at a time [ns], in s; PPP has its own."""
         begun = [begin for begin, end in self._silences if begin <= at < end]
         return (at - min(begun)) / NS if begun else 0.0
 

@@ -50,7 +50,7 @@ def lay_states(
 
 @wp.kernel
 def sample_each(memories: wp.array2d(dtype=wp.float64), samples: wp.array2d(dtype=wp.float64)):
-    """Of the worlds whose states were laid. samples: rates and forces with their errors."""
+    """Sample the worlds whose states were taken. samples: rates and forces with their errors."""
     w = wp.tid()
     if memories[w, 0] > real(0.0):
         make_sample(memories[w], samples[w])

@@ -85,7 +85,7 @@ class IdealOdometry(ErrorOdometry):
 
 
 class Odometers(KeepsRows, Compiled):
-    """Of many worlds. constant: what was drawn for each: error of the speed, with slip, the two biases."""
+    """Odometers of many worlds. constant: drawn for each: error of the speed, with slip, two biases."""
 
     kept = ("constant",)
     reads: ClassVar = {"state": MachineState, "steering": SteerState, "wheels": WheelState}

@@ -161,7 +161,7 @@ def silence(t: int) -> PeerState:
 
 
 def _body(of: MachineGeometry) -> dict[str, float]:
-    """Its outline, as on its data sheet."""
+    """The outline of the machine, as on its data sheet."""
     rear, front, half, _, _ = of.body
     said = {"body_front": front, "body_rear": rear, "body_width": 2.0 * half}
     if of.has_header:

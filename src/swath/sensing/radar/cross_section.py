@@ -27,7 +27,7 @@ def rod(radius: float, length: float, distance: float, wavelength: float) -> flo
 
 
 def cross_section(body: Body, eye: F64, frequency: float, wavelength: float) -> float:
-    """Of a body from a point in the world (3,) [dBsm]: its own where it has one, else from its solids."""
+    """Cross section of a body from a point in the world (3,) [dBsm]: its own, else that of its solids."""
     if body.rcs_dbsm is not None:
         return body.rcs_dbsm[0 if frequency < BANDS else 1]
     if body.kind == "machine":

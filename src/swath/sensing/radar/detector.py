@@ -53,7 +53,7 @@ def os_factor(training: int, false_alarm: float) -> float:
 
 
 def thresholds(training: F64, false_alarm: float, kind: Literal["ca", "os"]) -> F64:
-    """Of cells from the powers of their training cells (n, N): (n,)."""
+    """Thresholds (n,) of cells from the powers of their training cells (n, N)."""
     count = training.shape[1]
     if kind == "ca":
         return np.asarray(ca_factor(count, false_alarm) * training.mean(axis=1))

@@ -70,7 +70,7 @@ AFAR = 1000.0  # from where its sides are looked at [m]
 
 
 class Scatterers:
-    """Of things, each kept by its name, size and aspect once it is known."""
+    """The scatterers of things, kept by the thing's name, size and aspect once they are known."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, bytes, int], F64] = {}
@@ -214,7 +214,7 @@ class ErrorRadar(IdealRadar):
         return Echo(seen.distance, seen.azimuth, seen.elevation, seen.radial_speed, snr)
 
     def echoes(self, seen: Target, all_seen: list[Target]) -> list[Echo]:
-        """Of a thing: one for each half of a resolution cell that its sides fill.
+        """The echoes of a thing: one for each half of a resolution cell that its sides fill.
 
         All of them lose in the crop what it loses where the line to its middle enters it. Without noise it is
         one point.

@@ -230,7 +230,7 @@ class RaysRadar(ErrorRadar):
     def detections(
         self, parts: Parts, clutter: tuple[F64, F64, F64], draw: np.random.Generator
     ) -> list[list[float]]:
-        """Of one look, rows as `radar_targets_of` takes them, the strongest first."""
+        """Detections of one look, rows as `radar_targets_of` takes them, the strongest first."""
         columns = self.columns(parts, *clutter, draw)
         found = peaks(columns, self.grid, self._r.training, self.false_alarm, self._r.cfar)
         rows = [self.measured(*peak, draw) for peak in found]

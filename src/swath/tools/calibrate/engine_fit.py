@@ -142,7 +142,7 @@ def fit_engine(
 
 
 def predictions(log: MachineLog, simulated: dict[str, Array]) -> tuple[Prediction, ...]:
-    """Of every machine of the log, and `all`. simulated: SI, shape (n,) each."""
+    """Predictions for every machine of the log, and for `all`. simulated: SI, shape (n,) each."""
     used = usable(log)
     masks = {f"machine {name}": used & (log.machine == k) for k, name in enumerate(log.machine_names)}
     made = []

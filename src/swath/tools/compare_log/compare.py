@@ -502,7 +502,7 @@ def _plain(value: Any) -> Any:
 
 
 def _standard_errors(jacobian: Array, residual: Array, stretch: NDArray[np.int64]) -> Array:
-    """By how much stretches of the log pull apart, whatever is alike within each; nan of a single one."""
+    """Standard errors by how far stretches of the log, each alike in itself, differ; nan of one stretch."""
     pull = np.stack([np.bincount(stretch, column * residual) for column in jacobian.T])
     inverse, count = np.linalg.pinv(jacobian.T @ jacobian), pull.shape[1]
     spread = np.sqrt(np.diag(inverse @ pull @ pull.T @ inverse))

@@ -249,7 +249,7 @@ class Comparison:
     notes: list[str]
 
     def number(self, name: str) -> Number:
-        """By its name."""
+        """The number of a name."""
         return next(n for n in self.numbers if n.name == name)
 
     def to_dict(self) -> dict[str, Any]:

@@ -36,7 +36,7 @@ WORDS = {
 
 
 def number_rows(made: Comparison) -> list[list[str]]:
-    """Of each number: what, A, B, difference or distance, its interval, what it means."""
+    """A row for each number: what, A, B, difference or distance, its interval, what it means."""
     return [_row(n) for n in made.numbers]
 
 

@@ -120,7 +120,7 @@ def _read(folder: Path, other: Path) -> Run:
 
 
 def _edge_side(scenario: Any, machine: str) -> str:
-    """Of a machine of a resolved scenario; `left` where a damaged one does not say it."""
+    """Edge side of a machine of a resolved scenario; `left` where a damaged one does not say it."""
     machines = scenario.get("machines") if isinstance(scenario, dict) else None
     section = machines.get(machine) if isinstance(machines, dict) else None
     return str(section.get("edge_side", "left")) if isinstance(section, dict) else "left"
@@ -135,7 +135,7 @@ def _exact_topics(log: Log) -> list[str]:
 
 
 def _first_difference(topic: str, a: Log, b: Log) -> Difference | None:
-    """Of one output; a run that is longer than the other does not differ by that alone."""
+    """The first difference of one output; being longer is no difference of a run."""
     slot = topic.removesuffix(SUFFIX).strip("/").replace("/", ".")
     for one, other in zip_longest(*(exact_samples(log.messages((topic,))) for log in (a, b))):
         if one is None or other is None:

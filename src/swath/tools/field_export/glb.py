@@ -39,7 +39,7 @@ def glb_bytes(scene: FieldScene) -> bytes:
 
 
 def glb_size(scene: FieldScene) -> int:
-    """Its size but for the ground's picture [bytes]: 12 of each vertex, 12 of each triangle."""
+    """Size of the file without the ground's picture [bytes]: 12 of each vertex, 12 of each triangle."""
     count = len(scene.ground.x) ** 2 * 5 // 3 + sum(len(s.vertices) for s in scene.surfaces)
     faces = 2 * len(scene.ground.x) ** 2 + sum(len(s.faces) for s in scene.surfaces)
     bodies = sum(len(body_corners(b.solids)) for b in scene.bodies)

@@ -63,7 +63,7 @@ class Ground:
 
     @property
     def low(self) -> float:
-        """Its lowest height [m]."""
+        """The lowest height of the ground [m]."""
         return float(np.nanmin(self.heights))
 
     @property

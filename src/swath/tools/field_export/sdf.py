@@ -124,7 +124,7 @@ def _settings(world: Element, scene: FieldScene) -> None:
 
 
 def _ground(world: Element, ground: Ground) -> None:
-    """Its model stands at the lowest height, so that the map itself begins at 0."""
+    """The model of the ground stands at its lowest height, so that the map itself begins at 0."""
     side = float(ground.x[-1] - ground.x[0])
     middle = [0.5 * (ground.x[0] + ground.x[-1]), 0.5 * (ground.y[0] + ground.y[-1]), ground.low]
     link = _static(world, "ground", Pose(np.array(middle), np.eye(3)))

@@ -134,7 +134,7 @@ class Cell:
 
     @property
     def nearest(self) -> list[tuple[str, float, dict[str, Any]]]:
-        """Of each limit the run nearest to it or farthest beyond it, as name, margin and entry; least first.
+        """For each limit: the run nearest to it or farthest beyond, as name, margin, entry; least first.
 
         Limits that can only be kept or not are left out where they are kept.
         """

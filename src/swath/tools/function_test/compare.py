@@ -56,7 +56,7 @@ class Comparison:
 
     @cached_property
     def differences(self) -> dict[str, Difference]:
-        """Of each metric, pooled over all pairs that have it."""
+        """The difference of each metric, pooled over all pairs that have it."""
         values = {name: paired_values(self.pairs, name) for name in self.metrics}
         return {name: difference(found, 1.0 - self.alpha) for name, found in values.items() if found}
 

@@ -253,7 +253,7 @@ def plan_of(data: Mapping[str, Any], *, same_code: bool = True) -> Plan:
 
 
 def _kinds_of(case: Case) -> Mapping[str, Mapping[str, str]]:
-    """By machine of a case's scenario the kind of each slot whose part works on what is measured."""
+    """For each machine of a case's scenario: the kind of each slot whose part works on what is measured."""
     return _kinds_in(case.scenario, tuple(f"{key}={json.dumps(value)}" for key, value in case.fixed.items()))
 
 
@@ -287,7 +287,7 @@ def code_hash() -> str:
 
 @cache
 def commit() -> str:
-    """Of the git checkout that this package lies in, `-dirty` behind it with changes; "" = none."""
+    """Commit of the git checkout that this package lies in, `-dirty` behind it with changes; "" = none."""
     root, git = Path(swath.__file__).parent, shutil.which("git")
     if git is None or not any((folder / ".git").exists() for folder in root.parents):
         return ""

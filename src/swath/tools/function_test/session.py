@@ -109,7 +109,7 @@ class Session:
 
     @property
     def version(self) -> str:
-        """Of these files as they are now, in a few letters."""
+        """Version of these files as they are now, in a few letters."""
         now = json.dumps(hashes_by_path(list(self.plan.made_of)))
         return hashlib.sha256(now.encode()).hexdigest()[:6]
 

@@ -71,7 +71,7 @@ class Shadow:
             self._graph.run(t)
 
     def result(self) -> dict[str, Any]:
-        """Its metrics of the edge and the digest of what it said."""
+        """The metrics of the shadow's edge, and the digest of what it said."""
         integrity = integrity_of(self.judge.series(), self.judge.setup.settling_m)
         took = 1e6 * self._node.cost_s / max(self._node.step_count, 1)
         metrics = json_safe(self.judge.metrics())

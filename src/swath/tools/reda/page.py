@@ -116,7 +116,7 @@ def score_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
 
 
 def asked_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
-    """Of ASKED_HEAD: does a sensor detect the person 3 m inside the crop, and why."""
+    """Rows under ASKED_HEAD: does a sensor detect the person 3 m inside the crop, and why."""
     rows: list[tuple[str, ...]] = []
     for made in found:
         for (name, height), cell in made.asked.items():

@@ -22,7 +22,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Found:
-    """Of a condition. cells: by sensor; asked: by sensor and height of the person [m], 3 m in the crop."""
+    """Results of a condition. cells: by sensor; asked: by sensor and height of a person 3 m inside [m]."""
 
     condition: Condition
     cells: dict[str, list[Cell]]

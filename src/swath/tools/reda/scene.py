@@ -221,7 +221,7 @@ class Sensor(Protocol):
         """At a person there."""
 
     def false_share(self, inside: float, aside: float) -> float:
-        """Of looks without a person, those that report one there."""
+        """Share of looks without a person that report one there."""
 
 
 def make_sensor(name: str, scene: Scene) -> Sensor:

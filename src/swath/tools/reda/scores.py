@@ -53,7 +53,7 @@ def scores_of(cells: Sequence[Cell], least: float) -> Scores:
 
 
 def lower_end(share: float, count: int) -> float:
-    """Of the interval of 95 % of a share of so many looks."""
+    """Lower end of the 95 % interval of a share of so many looks."""
     square = Z * Z / count
     half = Z * sqrt(share * (1.0 - share) / count + 0.25 * square / count)
     return max((share + 0.5 * square - half) / (1.0 + square), 0.0)

@@ -179,7 +179,7 @@ def write_picture(folder: Path, image: Image) -> list[Path]:
 
 
 def _depth_colours(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """By the logarithm of the depth, from the nearest to the furthest in the picture; white = nothing."""
+    """Colours by the logarithm of the depth, from nearest to furthest in the picture; white = nothing."""
     import matplotlib
 
     seen = np.isfinite(depth)

@@ -95,7 +95,7 @@ class CanopyOffset(KeepsState):
         return {**found, "there": self._there, "which": self._which}
 
     def shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Of the counts of rays and of heights, and of scratch: logs and scores."""
+        """Shapes of the counts of rays and of heights, and of the scratch arrays logs and scores."""
         scores = len(self._spreads), len(self._shifts)
         return self._seen.shape, self._heights.shape, (2, len(self._there)), scores
 

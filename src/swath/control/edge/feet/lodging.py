@@ -36,7 +36,7 @@ class Lodging(Clears):
         self._rise = 0.0  # of the ground from where the crop is seen to where the stubble is [m]
 
     def ground(self, level: float, rise: float) -> None:
-        """Of a block: level of the ground at the edge, its rise to where the stubble is seen [m]."""
+        """Ground of a block: level at the edge, and rise from there to where the stubble is seen [m]."""
         self._levels.append(level)
         self._rise = rise
 

@@ -42,7 +42,7 @@ class HeightOverhang:
         self._upright, self._most = upright, min(view / upright, 1.0) if upright > 0.0 else 1.0
 
     def lean(self, crop: float, stopped: float) -> float:
-        """Of the stems off the vertical [rad], 0 where the crop, over the ground [m], may as well stand.
+        """Lean of the stems off the vertical [rad], 0 where crop of this height [m] may as well stand.
 
         stopped: share of the rays in the crop that it stopped
         """

@@ -58,7 +58,7 @@ def ragged_line(rows: F64, newest: Arc, heading: float) -> tuple[Arc, float]:
 
 
 def last_of(rows: F64, distance: float, length: float) -> F64:
-    """Those that show the edge, over a length [m] behind a distance along it [m]."""
+    """The rows that show the edge, over a length [m] behind a distance along it [m]."""
     return rows[(rows[:, DISTANCE] > distance - length) & (rows[:, VARIANCE] < VAGUE**2)]
 
 

@@ -79,7 +79,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Distribution:
-    """Of a parameter by its exposure.
+    """The distribution of a parameter by its exposure.
 
     edges: of a number's buckets
     values: of what has no range
@@ -98,7 +98,7 @@ class Distribution:
 
 
 def distribution_of(varied: Varied) -> Distribution:
-    """By its exposure; all alike where it has none."""
+    """The distribution of a parameter by its exposure; all values alike where it has none."""
     if varied.range is None:
         values = varied.drawn_values
         return Distribution(_cumulated(varied.exposure or [1.0] * len(values)), values=values)

@@ -24,7 +24,7 @@ class Kept:
 
 
 def kept(result: Result, margin: float) -> Kept:
-    """Of a result."""
+    """What is kept of a result."""
     return Kept(result["id"], result["point"], result["seed"], result["verdict"], result["reason"], margin)
 
 

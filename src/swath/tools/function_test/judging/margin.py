@@ -23,7 +23,7 @@ KEPT_OR_NOT = ("distance_m",)  # whose lower bound is kept or not: it ends with 
 
 
 def margin(result: Mapping[str, Any]) -> float:
-    """Of a run to its nearest limit, -1..1; -1 without a value, -2 for an error."""
+    """Margin of a run to its nearest limit, -1..1; -1 without a value, -2 for an error."""
     if result["verdict"] == "error":
         return ERROR
     return min((margin_of(entry) for entry in result["expect"]), default=1.0)
@@ -41,7 +41,7 @@ def judged_margin(result: Mapping[str, Any], limit: str) -> float:
 
 
 def margin_of(entry: Entry, *, is_bounded: bool = True) -> float:
-    """Of a value to its limit, as in the entry of a result. is_bounded: to -1..1."""
+    """Margin of a value to its limit, as in the entry of a result. is_bounded: to -1..1."""
     value, fails = entry["value"], entry["result"] == "fail"
     if value is None or not isfinite(value):
         return -1.0 if fails else 1.0

@@ -37,7 +37,7 @@ class SteeringHook(RunHook):
 
 
 def classes_of(judge: LateralError) -> dict[str, Any]:
-    """Of one run: `classes`, (class, steps of the way) each; `squares`, the sum of squared errors [m2]."""
+    """Classes of one run: `classes`, pairs of class and steps; `squares`, the sum of squared errors [m2]."""
     series = judge.series()
     error = even_path(series.distance, series.lateral, start=judge.setup.settling_m)[1]
     error = np.abs(error[np.isfinite(error)])

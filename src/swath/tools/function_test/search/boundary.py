@@ -95,7 +95,7 @@ class Boundary:
         return float(np.mean((self.process.left_out() >= 0.0) == (self.margins >= 0.0)))
 
     def sensitivities(self) -> list[tuple[str, float, float]]:
-        """Of each parameter: its share of the margin's variance alone, and with all that it acts with.
+        """For each parameter: its share of the margin's variance alone, and with all that it acts with.
 
         Sobol's first and total index of the fitted margin by the estimators of Saltelli et al. 2010
         (doi:10.1016/j.cpc.2009.09.018, table 2b and 2f), parameters uniform in their ranges.

@@ -49,12 +49,12 @@ class GaussianProcess:
         return mean, np.sqrt(np.maximum(self.variance - np.sum(known**2, axis=0), 0.0))
 
     def and_at(self, point: F64, value: float) -> "GaussianProcess":
-        """With one value more, lengths, variance and noise as they are."""
+        """The process with one value more; lengths, variance and noise stay as they are."""
         points, values = np.vstack([self.points, point]), np.append(self.values, value)
         return _made(points, values, self.mean, self.lengths, self.variance, self.noise)
 
     def left_out(self) -> F64:
-        """Of each value, the mean that the others give for it, (n,) (equation 5.12)."""
+        """For each value: the mean that the others give for it, (n,) (equation 5.12)."""
         from scipy.linalg import cho_solve
 
         inverse = cho_solve((self.factor, True), np.eye(len(self.values)))

@@ -82,7 +82,7 @@ def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:
 
 
 def _line(found: Searched, boundary: Boundary) -> Chart:
-    """Of one parameter: the margin over it, from -1 to 1 upwards."""
+    """The margin over one parameter, from -1 to 1 upwards."""
     x = _axis(found, 0)
     made = Chart(SIDE, SIDE, f"margin over {x[0]}", x, ("margin", "-1", "1"))
     made.line(0.0, 0.5, 1.0, 0.5, "3 3")
