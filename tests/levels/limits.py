@@ -52,6 +52,8 @@ LIMITS = {
         "height_map": Limit("first grain over the rim within 2 % of the closed forms", 0.02),
         "cones": Limit("first grain over the rim within 4 % of height_map", 0.04),
     },
+    # mass that floats or lies, of what was raised
+    "dust": {"plume": Limit("within 1 % of Briggs' plume", 0.01)},
     # straight on, sensors without error: of the place [m]
     "pose": {
         "raw": Limit("exact with sensors without error on a straight line", 1e-6),

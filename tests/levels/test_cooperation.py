@@ -8,10 +8,13 @@ import pytest
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
+from swath.field.moisture import Moisture
 from swath.field.site_setup import Bodies
+from swath.field.weather import SiteWeather, Weather
 from swath.machine.heap.open_box import Surface, largest_heap
 from swath.machine.machine_sheet import load_machine
 from swath.signals import (
+    CropFlow,
     HeapState,
     MachineLoad,
     MachineState,
@@ -36,6 +39,25 @@ STILL = {"state": MachineState(0, Pose.identity(), 0.0, 0.0, 0.0, 0.0, 0.0)}
 def site_of(machine, name="cart"):
     setup = site(Ground(), machine)
     return setup.__class__(**{**vars(setup), "name": name, "bodies": Bodies(), "peer": COMBINE})
+
+
+@each_level("dust")
+def test_dust_of_crop_and_wheels_is_raised_and_drifts_with_the_wind(level, limit):
+    """10 kg/s of crop at 8 % of moisture and 2 g/kg for 6 s, 2 m/s over soil of 1 g/m, in air of 4 m/s."""
+    setup = site_of(COMBINE, "combine")
+    setup.field.weather, setup.field.plumes = SiteWeather(Weather(wind_m_s=4.0, wind_azimuth_deg=90.0)), {}
+    setup.field.moisture = Moisture(straw_moisture_percent=8.0)
+    dust = make("dust", level, setup, grams_per_kg=2.0, soil_g_per_m=1.0)
+    dust.reset(STREAM)
+    flow = CropFlow(0, 0.4, 0.6, 1.0, 0, 1.0, 0.1)
+    for i in range(60):
+        state = MachineState(0, Pose.from_euler((0.2 * i, 0, 0)), 2.0, 0.0, 0.0, 0.0, 0.2 * i)
+        dust.step(i * NS // 10, NS // 10, {"state": state, "flow": (flow,)})
+    rows = setup.field.plumes["combine"].rows
+    assert dust.raised == pytest.approx(60 * 2e-3 + 11.8e-3, rel=limit)
+    assert rows[:, 4].sum() == pytest.approx(dust.raised, rel=limit)
+    first = rows[:3]
+    assert first[:, 0] - first[:, 3] == pytest.approx(COMBINE.knife_x + 0.8, abs=0.1)
 
 
 @each_level("unload")

@@ -41,7 +41,15 @@ SCENARIOS = (
     "bend", "feed-rate", "gnss-lost", "laser-pilot", "look-ahead", "person-at-edge", "record-run",
     "second-pass", "straight", "two-combines", "two-scanners", "unload-on-the-go",
 )  # fmt: skip
-CART = ("unload", "heap", "peer_link", "box", "cooperate", "crop_flow")  # kinds that `straight` cannot use
+CART = (
+    "unload",
+    "heap",
+    "peer_link",
+    "box",
+    "cooperate",
+    "crop_flow",
+    "dust",
+)  # kinds that `straight` cannot use
 LONG_S, SHORT_S = 6.0, 2.5
 CHEAP = {"combine.lidar.level": "empirical", "combine.lidar.sector_deg": [-45, 45]}
 KERNELS = {

@@ -31,6 +31,7 @@ from swath.field.moisture import Moisture
 from swath.field.paging.height_bounds import update_tops
 from swath.field.paging.pages import KeptPages, PageStore
 from swath.field.paging.stored_changes import Change, Key
+from swath.field.plume import Puffs
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.weather import SiteWeather
@@ -81,6 +82,7 @@ class Field:
         self.stand_yaw = float(stand.row_heading)
         self.moisture: Moisture = getattr(stand, "moisture", Moisture())
         self.weather = weather
+        self.plumes: dict[str, Puffs] = {}  # by machine
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw, weather)
         self.straw_density, self.crop_height, self.seen_height = straw_density, crop_height, seen_height
         self.stems = StemIndex(library, straw_exponent)

@@ -33,7 +33,7 @@ class KeptFields:
             while len(self._grounds) >= MOST:
                 self._grounds.popitem(last=False)
         else:
-            kept.field.profile = None  # levels ask for it anew
+            kept.field.profile, kept.field.plumes = None, {}  # levels ask for them anew
             kept.field.reset()
             kept = replace(kept, things=things_of(section.obstacles, kept.field))
         self._grounds[key] = kept

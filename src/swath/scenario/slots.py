@@ -191,6 +191,7 @@ SLOTS: tuple[SlotKind, ...] = (
         (Port("heap", HeapState),),
         {"trailer": ("motion", "trailer")},
     ),
+    SlotKind("dust", ("swath.machine.dust",), "plume", 10.0, (), {**_STATE, "flow": ("header", "flow")}),
     SlotKind(
         "powertrain",
         ("swath.machine.powertrain",),

@@ -30,6 +30,7 @@ from swath.core import portable
 from swath.field.weather import RainLaw, SiteWeather, fog_extinction, rain_extinction
 from swath.kernels import address, repeatable, start_warp
 from swath.rays.hits import Spots
+from swath.sensing.haze import Haze
 from swath.signals import F64
 
 
@@ -88,10 +89,15 @@ class Weather:
 class ScannerWeather(Weather):
     """Dust, chaff and rain before a scanner.
 
+    lidar_ratio_sr: extinction of fog and dust over what they send back: 18 fog at 905 nm, 14 to 34 fine dust,
+        70 and more coarse dust
+    overlap_m: from here on the receiver sees all of the beam: nothing nearer sends an echo of the air
     rain_law: how rain dims its light: `goodin`, 0.01 R^0.6 per m, the loss of one scanner (Goodin et al.
         2019, doi:10.3390/electronics8010089), or `drops` of Marshall and Palmer, a twenty-fifth of it
     """
 
+    lidar_ratio_sr: Annotated[float, Ge(5), Le(1000)] = 30.0
+    overlap_m: Annotated[float, Ge(0), Le(20)] = 1.0
     rain_law: RainLaw = "goodin"
 
     @property
@@ -101,9 +107,16 @@ class ScannerWeather(Weather):
 
 
 def disturb(
-    weather: Weather, distance: F64, albedo: F64, range_min: float, rng: np.random.Generator
+    weather: Weather,
+    distance: F64,
+    albedo: F64,
+    range_min: float,
+    rng: np.random.Generator,
+    haze: Haze | None = None,
 ) -> tuple[F64, F64]:
     """Distances [m] and albedos of sub-rays, (n, s), with the air between: new arrays.
+
+    haze: the air along the beams, where it is not the same everywhere
 
     Puffs come at rate near_returns / near_reach * exp(-r / near_reach) per metre behind range_min; only the
     nearest of a beam counts, and only where the path there is free.
@@ -118,7 +131,11 @@ def disturb(
         meets &= ~(distance <= puff[:, None]) & np.isfinite(puff)[:, None]
         distance = np.where(meets, puff[:, None], distance)
         albedo = np.where(meets, weather.near_reflectance, albedo)
-    if weather.extinction > 0.0:
+    if haze is not None:
+        rain = rain_extinction(weather.rain_mm_h or 0.0, weather.law)
+        depth = haze.depth(distance) + rain * np.nan_to_num(distance)
+        albedo = albedo * portable.exp(-2.0 * depth)
+    elif weather.extinction > 0.0:
         albedo = albedo * portable.exp(-2.0 * weather.extinction * np.nan_to_num(distance))
     return distance, albedo
 
@@ -174,6 +191,76 @@ class Receiver:
     def echo_count(self) -> int:
         """Echoes per beam that `receive` returns."""
         return self.count if self.rule == "all" else 1
+
+
+def with_air_echo(
+    weather: ScannerWeather, bundle: Bundle, receiver: Receiver, haze: Haze, nearest: float, u: F64
+) -> tuple[F64, F64]:
+    """Distances [m] and albedos of sub-rays, (n, s), some beams with an echo of the air in place of what they
+    met: by the rule `first` where it is detected, `last` and `all` where nothing else is, else where it is
+    stronger.
+
+    bundle: with the air between; nearest: least range [m]; u: places within a step, 0 to 1, (n,)
+    """
+    place, soft = haze.echo(max(nearest, weather.overlap_m), weather.lidar_ratio_sr)
+    hard = bundle.albedo * bundle.weight / np.square(bundle.distance)
+    met, energy = np.nansum(hard, axis=1), soft / np.square(place)
+    least = receiver.least_energy
+    rival = {"first": np.zeros(len(met)), "last": np.where(met >= least, np.inf, 0.0)}
+    rival["all"] = rival["last"]
+    taken = (energy > np.maximum(rival.get(receiver.rule, met), least))[:, None]
+    there = place + (u - 0.5) * haze.step
+    return np.where(taken, there[:, None], bundle.distance), np.where(taken, soft[:, None], bundle.albedo)
+
+
+def with_false_echoes(
+    distance: F64,
+    albedo: F64,
+    per_m: float,
+    span: tuple[float, float],
+    least: float,
+    rng: np.random.Generator,
+) -> tuple[F64, F64]:
+    """Distances [m] and albedos of sub-rays, (n, s), with echoes that noise makes before what they met.
+
+    per_m: how many on a metre; span: least range and reach [m]; least: energy of such an echo [1/m2]
+    """
+    place = span[0] + rng.standard_exponential(len(distance)) / per_m
+    free = np.where(np.isnan(distance), span[1], distance).min(axis=1)
+    taken = (place < free)[:, None]
+    place = place[:, None]
+    return np.where(taken, place, distance), np.where(taken, 1.001 * least * place**2, albedo)
+
+
+@dataclass(frozen=True)
+class AirBefore:
+    """What is between a scanner and what the beams of one sweep meet.
+
+    haze: the air along the beams, None where it is the same everywhere and sends nothing back
+    false_per_m: echoes that noise makes on a metre of a beam
+    nearest, reach: least and greatest range [m]
+    rng: random numbers of the sweep
+    """
+
+    weather: ScannerWeather
+    haze: Haze | None
+    false_per_m: float
+    nearest: float
+    reach: float
+    rng: np.random.Generator
+
+    def between(self, bundle: Bundle, receiver: Receiver) -> tuple[F64, F64]:
+        """Distances [m] and albedos of the sub-rays, (n, s)."""
+        weather, haze, nearest, rng = self.weather, self.haze, self.nearest, self.rng
+        distance, albedo = disturb(weather, bundle.distance, bundle.albedo, nearest, rng, haze)
+        if haze is not None:
+            bundle, u = Bundle(distance, bundle.weight, albedo), rng.uniform(size=len(distance))
+            distance, albedo = with_air_echo(weather, bundle, receiver, haze, nearest, u)
+        if self.false_per_m > 0.0:
+            distance, albedo = with_false_echoes(
+                distance, albedo, self.false_per_m, (nearest, self.reach), receiver.least_energy, rng
+            )
+        return distance, albedo
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,8 @@ class LidarSheet:
     elevations: of the lines [rad], (0,) for a 2-D scanner
     delays: how long after the first of its firing a line fires [s], () = all at once
     turns: where it sweeps to, seen from above range_min, range_max [m]
-    range_10: reach on a 10 % diffuse target [m]
+    range_10: reach on a 10 % diffuse target [m]; reach_klx: light in which it holds [klx],
+        0 = dark
     noise_mm: rows (range [m], one-sigma [mm])
     systematic: half width of the constant error band [m]
     resolution: step of the reported range [m]; wavelength [m]
@@ -76,6 +77,7 @@ class LidarSheet:
     range_min: Annotated[float, Quantity("m", 0, 10, key="range.min")]
     range_max: Annotated[float, Quantity("m", 1, 1000, key="range.max")]
     range_10: Annotated[float, Quantity("m", 1, 1000, key="range.reach_10_percent")]
+    reach_klx: Annotated[float, Quantity("", 0, 150, key="range.reach_klx")] = 0.0
     noise_mm: Annotated[Pairs, Key("range.noise_mm")]
     noise_by_signal_mm: Annotated[Pairs, Key("range.noise_by_signal_mm")] = field(default_factory=list)
     signal_at_reach: Annotated[float, Quantity("", 1e-3, 1e6, key="range.signal_at_reach")] = 1.0

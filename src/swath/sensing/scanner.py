@@ -6,6 +6,7 @@ which distance a beam has. Noise is that of the data sheet: range, constant bias
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from math import exp, sqrt
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -16,13 +17,18 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.units import DEG
+from swath.field.light import light
 from swath.field.site_setup import SiteSetup
 from swath.rays.sight import Sight
-from swath.sensing.echo import ScannerWeather
+from swath.sensing.echo import LIGHT_SPEED, AirBefore, ScannerWeather, least_energy, merging_gap
+from swath.sensing.haze import haze_along
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
 from swath.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
+
+FULL_DAY = 100_000.0  # light of a full day [lx]
+PULSE_BANDWIDTH = 0.44  # bandwidth times length of a gaussian pulse
 
 
 class Noise:
@@ -139,8 +145,34 @@ class Scanner:
             Port("truth", ScanTruth),
         )
         self.sweep = Sweep(self.mounting, self.beam_t)
+        self.least_energy, self.false_per_m = self._in_daylight()
         self._blind_scans, self._has_echo = 0, False
         self.noise = Noise(self.sheet, is_on=params.noise == "data_sheet", angle=angle_noise, dropout=dropout)
+
+    def _in_daylight(self) -> tuple[float, float]:
+        """Least detectable energy [1/m2], and false echoes per metre of a beam, at the start of a run.
+
+        The light's shot noise adds to the amplifier's variance, x times it: a threshold that rises with both
+        leaves (1 + x)^-1/4 of the reach; one that stays is crossed B / sqrt(3) exp(-threshold^2 / (2 (1 +
+        x))) times a second, B the bandwidth of the pulse (Rice 1944, Bell System Technical Journal 23, 282).
+        """
+        dark, given = least_energy(self.sheet.range_10), self.params
+        if not isinstance(given, OutdoorParams) or given.daylight.shot_noise == 0.0:
+            return dark, 0.0
+        weather = self.setup.field.weather
+        sun = None if weather is None else weather.sun(0)
+        if weather is None or sun is None:
+            expected = "expected field.weather with a sun: sun_elevation_deg and sun_azimuth_deg, or time"
+            raise InputError("daylight.shot_noise", given.daylight.shot_noise, expected)
+        now, full = light(sun.elevation, weather.at(0).cloud), light(0.5 * np.pi)
+        share = now.at(self.sheet.wavelength, now.level) / full.at(self.sheet.wavelength, full.level)
+        x = given.daylight.shot_noise * share * full.lux / FULL_DAY
+        if given.daylight.threshold_sd is None:
+            sheet = given.daylight.shot_noise * 1e3 * self.sheet.reach_klx / FULL_DAY
+            return dark * sqrt((1.0 + x) / (1.0 + sheet)), 0.0
+        bandwidth = PULSE_BANDWIDTH / self.sheet.pulse
+        often = bandwidth / sqrt(3.0) * exp(-(given.daylight.threshold_sd**2) / (2.0 * (1.0 + x)))
+        return dark, often * 2.0 / LIGHT_SPEED
 
     @property
     def notes(self) -> list[str]:
@@ -230,16 +262,32 @@ def _beam_axes(azimuth: F64, elevation: F64) -> F64:
 
 
 @dataclass(frozen=True)
+class Daylight:
+    """Light of the sun and the sky in the receiver, of `field.weather`.
+
+    shot_noise: variance of its shot noise at 100 klx over that of the amplifier; 2 to 60 for an avalanche
+        diode behind a filter of 20 nm; 0 = the receiver knows no light
+    threshold_sd: threshold over the amplifier's noise, one sigma, of a receiver whose threshold stays: noise
+        makes false echoes; none = it rises with the noise: the reach falls
+    """
+
+    shot_noise: Annotated[float, Ge(0), Le(10_000)] = 0.0
+    threshold_sd: Annotated[float, Gt(1), Le(30)] | None = None
+
+
+@dataclass(frozen=True)
 class OutdoorParams(ScannerParams):
     """angle_noise_deg: one sigma of the beams' direction; none = the data sheet's.
 
     drop_out_percent: beams lost
     weather: dust, chaff and rain in the air
+    daylight: light in the receiver
     """
 
     angle_noise_deg: Annotated[float, Ge(0), Le(5)] | None = None
     drop_out_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     weather: ScannerWeather = field(default_factory=ScannerWeather)
+    daylight: Daylight = field(default_factory=Daylight)
 
 
 class ScanningLidar(KeepsState, ABC):
@@ -284,6 +332,23 @@ class ScanningLidar(KeepsState, ABC):
         given = self.scanner.params
         own = given.weather if isinstance(given, OutdoorParams) else ScannerWeather()
         return own.under(self.setup.field.weather, t, self.sheet.wavelength)
+
+    def air(self, t: int, origins: F64, directions: F64) -> AirBefore | None:
+        """What is between it and what its beams meet in the sweep that ends at t [ns], None = nothing.
+
+        origins, directions: world (beam_count, 3)
+        """
+        weather, field, haze = self.weather_at(t), self.setup.field, None
+        reach, uniform = self.scanner.reach, weather.extinction_per_m or 0.0
+        dusty = any(len(puffs.rows) for puffs in field.plumes.values())
+        if field.weather is not None and (dusty or uniform > 0.0):
+            step = merging_gap(self.sheet.pulse)
+            haze = haze_along(field, origins, directions, uniform, reach, step)
+        false = self.scanner.false_per_m
+        if weather.is_clear and haze is None and false == 0.0:
+            return None
+        rng = self._stream.child("weather").at(t)
+        return AirBefore(weather, haze, false, self.sheet.range_min, reach, rng)
 
     @abstractmethod
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:

@@ -14,7 +14,7 @@ from swath.core.random import Stream
 from swath.kernels import filled
 from swath.rays.heights import HeightCaster
 from swath.rays.single.buffers import BeamBuffer
-from swath.sensing.echo import Weather, disturb, least_energy
+from swath.sensing.echo import AirBefore, Bundle, Receiver
 from swath.sensing.scanner import Scanner
 from swath.signals import F32, F64
 
@@ -121,17 +121,15 @@ class SingleRays:
         if self.scanner.noise.angle != 0.0:
             self._forward[: self.beams.count] = self.scanner.axes_at(t)[:, :, 0]
 
-    def disturb(self, weather: Weather, t: int) -> None:
-        """What floats in the air, of the sweep that ends at t [ns]; nothing in clear air."""
-        if weather.is_clear:
-            return
-        beams, nearest, n = self.beams, self.scanner.sheet.range_min, self.beams.count
-        met = (beams.kind[:n] > 0) & (beams.distance[:n] >= nearest)
+    def disturb(self, air: AirBefore) -> None:
+        """What the air does to the newest sweep."""
+        beams, n = self.beams, self.beams.count
+        met = (beams.kind[:n] > 0) & (beams.distance[:n] >= self.scanner.sheet.range_min)
         distance = np.where(met, beams.distance[:n], np.nan).astype(np.float64)
         albedo = (beams.cosine[:n] * beams.reflectance[:n]).astype(np.float64)
-        air = self._stream.child("weather").at(t)
+        bundle = Bundle(distance[:, None], np.ones(1), albedo[:, None])
         distance, albedo = (
-            a[:, 0] for a in disturb(weather, distance[:, None], albedo[:, None], nearest, air)
+            a[:, 0] for a in air.between(bundle, Receiver(least_energy=self.scanner.least_energy))
         )
         beams.distance[:n], beams.reflectance[:n], beams.cosine[:n] = distance, albedo, 1.0
         beams.kind[:n] = np.where(np.isnan(distance), 0, np.maximum(beams.kind[:n], FREE))
@@ -185,7 +183,7 @@ class SingleRays:
         return filled(
             Electronics,
             range_min=sheet.range_min,
-            least_energy=least_energy(sheet.range_10),
+            least_energy=self.scanner.least_energy,
             judged=self._judged,
             blind=self._blind,
             is_noisy=int(noise.is_on),

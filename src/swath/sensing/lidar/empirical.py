@@ -198,7 +198,10 @@ class EmpiricalLidar(TableLidar):
         clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
         self.ray_count += len(origins)
         self.note(clamped)
-        self.rays.disturb(self.weather_at(t), t)
+        beams, count = self.rays.beams, len(origins)
+        air = self.air(t, beams.origins[:count], beams.directions[:count])
+        if air is not None:
+            self.rays.disturb(air)
         return self.rays.report(t, origins)
 
     @property

@@ -4,7 +4,7 @@ A beam is a bundle of sub-rays over its spot; each finds the first surface it hi
 of the bundle. Phenomenological, as in the paper's third approach: no pulse shape, no waveform.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -17,7 +17,7 @@ from swath.core.registry import Checked, Level
 from swath.field.site_setup import SiteSetup
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
-from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, disturb, least_energy, merging_gap, receive
+from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.signals import F64
@@ -61,9 +61,9 @@ class PlantsLidar(ScanningLidar):
             threshold=0.01 * params.threshold_percent,
             gap=merging_gap(sheet.pulse),
             count=params.echoes or sheet.echo_count,
-            least_energy=least_energy(sheet.range_10),
         )
         super().__init__(params, setup, echo_count=self.receiver.echo_count)
+        self.receiver = replace(self.receiver, least_energy=self.scanner.least_energy)
         if len(self.azimuth) * params.sub_rays > 4_000_000:
             raise InputError("sub_rays", params.sub_rays, "expected at most 4 million rays per scan")
         self.pattern = spot_pattern(params.sub_rays, self.sheet.beam.profile)
@@ -85,10 +85,9 @@ class PlantsLidar(ScanningLidar):
         distance = hits.distance.astype(np.float64)
         distance[distance < self.sheet.range_min] = np.nan
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
-        weather = self.weather_at(t)
-        if not weather.is_clear:
-            air = self._stream.child("weather").at(t)
-            distance, albedo = disturb(weather, distance, albedo, self.sheet.range_min, air)
+        air = self.air(t, origins, axes[:, :, 0])
+        if air is not None:
+            distance, albedo = air.between(Bundle(distance, pattern.weight, albedo), self.receiver)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
         measured = self.scanner.noise.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)

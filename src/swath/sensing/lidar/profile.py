@@ -40,6 +40,8 @@ class ProfileLidar(TableLidar):
         weather = setup.field.weather
         if not params.weather.is_clear or (weather is not None and weather.may_be_dim):
             raise refused("weather")
+        if setup.field.plumes:
+            raise refused("dust")
         if setup.edge is None:
             raise refused("field without an edge")
         self.profile = setup.field.profiled(setup.edge)
