@@ -14,7 +14,7 @@ concentration there. What it takes from light is k C, k of coarse plant dust at 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import hypot, pi, sqrt
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -88,7 +88,7 @@ class Puffs(KeepsState):
         """A step [s] in a wind, east and north [m/s]."""
         rows = self.rows
         rows[:, :2] += dt * np.asarray(wind)
-        rows[:, 3] += dt * max(float(np.hypot(*wind)), CALM)
+        rows[:, 3] += dt * max(hypot(*wind), CALM)
         across, high = self.spread()
         down = rows[:, 6] * dt
         on_ground = np.clip(down - rows[:, 2], 0.0, down)  # of the way down, so much is left at the ground

@@ -237,6 +237,7 @@ class AirBefore:
     """What is between a scanner and what the beams of one sweep meet.
 
     haze: the air along the beams, None where it is the same everywhere and sends nothing back
+    glass: light that comes through the window before each beam, one way (n,), None = all
     false_per_m: echoes that noise makes on a metre of a beam
     nearest, reach: least and greatest range [m]
     rng: random numbers of the sweep
@@ -244,6 +245,7 @@ class AirBefore:
 
     weather: ScannerWeather
     haze: Haze | None
+    glass: F64 | None
     false_per_m: float
     nearest: float
     reach: float
@@ -256,6 +258,8 @@ class AirBefore:
         if haze is not None:
             bundle, u = Bundle(distance, bundle.weight, albedo), rng.uniform(size=len(distance))
             distance, albedo = with_air_echo(weather, bundle, receiver, haze, nearest, u)
+        if self.glass is not None:
+            albedo = albedo * (self.glass * self.glass)[:, None]
         if self.false_per_m > 0.0:
             distance, albedo = with_false_echoes(
                 distance, albedo, self.false_per_m, (nearest, self.reach), receiver.least_energy, rng

@@ -25,6 +25,8 @@ from swath.sensing.haze import haze_along
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
+from swath.sensing.window import Params as WindowParams
+from swath.sensing.window import Window
 from swath.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
 
 FULL_DAY = 100_000.0  # light of a full day [lx]
@@ -146,6 +148,8 @@ class Scanner:
         )
         self.sweep = Sweep(self.mounting, self.beam_t)
         self.least_energy, self.false_per_m = self._in_daylight()
+        dirt = params.window if isinstance(params, OutdoorParams) else None
+        self.window = None if dirt is None else Window(dirt, len(self.azimuth))
         self._blind_scans, self._has_echo = 0, False
         self.noise = Noise(self.sheet, is_on=params.noise == "data_sheet", angle=angle_noise, dropout=dropout)
 
@@ -177,7 +181,7 @@ class Scanner:
     @property
     def notes(self) -> list[str]:
         """What a user should know: a rate that the sheet does not offer, a sensor that saw nothing at all."""
-        found, rates = [], self.sheet.rates_hz
+        found, rates = [] if self.window is None else self.window.notes, self.sheet.rates_hz
         rate = 1.0 / self.setup.period
         if not any(abs(rate - offered) < 1e-3 * offered for offered in rates):
             offer = ", ".join(f"{r:g}" for r in rates)
@@ -191,6 +195,8 @@ class Scanner:
         """An empty scan; draws the constant range bias of this instance, uniform in the data sheet's band."""
         self._blind_scans, self._has_echo = 0, False
         self.noise.reset(stream)
+        if self.window is not None:
+            self.window.reset()
         nothing = np.full((len(self.azimuth), self.echo_count), np.nan)
         points = np.full((len(self.azimuth), self.echo_count, 3), np.nan)
         return self.outputs_of(0, nothing, nothing, points, np.full((len(self.azimuth), 3), np.nan))
@@ -282,12 +288,14 @@ class OutdoorParams(ScannerParams):
     drop_out_percent: beams lost
     weather: dust, chaff and rain in the air
     daylight: light in the receiver
+    window: dust on its window; none = it stays clean
     """
 
     angle_noise_deg: Annotated[float, Ge(0), Le(5)] | None = None
     drop_out_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     weather: ScannerWeather = field(default_factory=ScannerWeather)
     daylight: Daylight = field(default_factory=Daylight)
+    window: WindowParams | None = None
 
 
 class ScanningLidar(KeepsState, ABC):
@@ -296,7 +304,7 @@ class ScanningLidar(KeepsState, ABC):
     scanner: its beams, noise and sheet; ray_count: rays since the start
     """
 
-    kept: ClassVar[tuple[str, ...]] = ("_last", "ray_count")
+    kept: ClassVar[tuple[str, ...]] = ("_last", "ray_count", "_window")
 
     def __init__(self, params: ScannerParams, setup: SiteSetup, *, echo_count: int = 1) -> None:
         angle_noise, dropout = None, 0.0
@@ -345,14 +353,25 @@ class ScanningLidar(KeepsState, ABC):
             step = merging_gap(self.sheet.pulse)
             haze = haze_along(field, origins, directions, uniform, reach, step)
         false = self.scanner.false_per_m
-        if weather.is_clear and haze is None and false == 0.0:
+        window, glass = self.scanner.window, None
+        if window is not None:
+            glass = window.step(t, field, origins.mean(axis=0), directions)
+        if weather.is_clear and haze is None and false == 0.0 and glass is None:
             return None
         rng = self._stream.child("weather").at(t)
-        return AirBefore(weather, haze, false, self.sheet.range_min, reach, rng)
+        return AirBefore(weather, haze, glass, false, self.sheet.range_min, reach, rng)
 
     @abstractmethod
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
+
+    @property
+    def _window(self) -> Window | None:
+        return self.scanner.window
+
+    @_window.setter
+    def _window(self, value: Window | None) -> None:
+        self.scanner.window = value
 
     @property
     def range_limits(self) -> tuple[float, float]:

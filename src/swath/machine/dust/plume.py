@@ -7,7 +7,7 @@ estimated.
 """
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, fsum
 from typing import Annotated, ClassVar
 
 from annotated_types import Ge, Gt, Le
@@ -75,7 +75,7 @@ class Plume(KeepsState):
         self.puffs.drift(dt / NS, self.weather.at(now).wind)
         moisture = self.setup.field.moisture.at(now)["straw_moisture"]
         dusty = p.grams_per_kg * GRAM * exp(-(moisture - DRY) / DAMPING)
-        made = dusty * sum(flow.grain + flow.straw for flow in inputs.get("flow") or ())
+        made = dusty * fsum(flow.grain + flow.straw for flow in inputs.get("flow") or ())
         share = p.header_percent * PERCENT
         self._waiting = [self._waiting[0] + share * made, self._waiting[1] + (1.0 - share) * made]
         self._since += dt / NS

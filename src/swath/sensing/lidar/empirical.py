@@ -72,7 +72,7 @@ class Params(OutdoorParams):
 class TableLidar(InWorlds, ScanningLidar):
     """A scanner whose beams go into crop as a table says. beam: keywords of `pack_canopy`."""
 
-    kept = ("ray_count", "_clamped", "_notes")
+    kept = ("ray_count", "_clamped", "_notes", "_window")
     gains = False
     level: ClassVar[str]
 

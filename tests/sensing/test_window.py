@@ -1,0 +1,74 @@
+"""Dust on a window against the law of its transmission, the flux that settles, and what takes it off."""
+
+import numpy as np
+import pytest
+
+from swath.core.schedule import NS
+from swath.field.plume import PLANT, Grains, Puffs, fall_speed
+from swath.field.weather import SiteWeather, Weather
+from swath.sensing.window import Params, Window, transmission
+
+AROUND = np.column_stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4), np.zeros(8)])
+HERE = np.array([0.0, 0.0, 3.0])
+
+
+class Site:
+    """A field with weather and maybe puffs."""
+
+    def __init__(self, puffs=None, **weather):
+        self.weather = SiteWeather(Weather(**weather))
+        self.plumes = {} if puffs is None else {"combine": puffs}
+
+    def ground_height(self, x, y):
+        return 0.0
+
+
+def stand(window, site, seconds, steps=10, start=0.0):
+    for k in range(steps + 1):
+        through = window.step(int((start + seconds * k / steps) * NS), site, HERE, AROUND)
+    return through
+
+
+def test_dust_of_a_harvest_takes_a_tenth_of_the_range_in_some_hours():
+    """0.66 g/m2 an hour for 2.6 h: a tenth of the light, and of the range."""
+    assert transmission(np.array([0.0, 1.72])) == pytest.approx([1.0, 0.898], abs=2e-3)
+
+
+def test_a_window_in_still_dust_catches_its_share_of_what_falls():
+    site, middle = Site(dust_per_m=0.01), PLANT[1]
+    window = Window(Params(fall_percent=10.0), 8)
+    stand(window, site, 3600.0)
+    falls = 0.01 / middle.extinction * fall_speed(middle.diameter, middle.density) * 3600.0
+    assert window.mass == pytest.approx(np.full(8, 1e3 * 0.1 * falls), rel=1e-9)
+
+
+def test_the_side_to_the_wind_gets_dirty_first():
+    window = Window(Params(fall_percent=0.0), 8)
+    through = stand(window, Site(dust_per_m=0.05, wind_m_s=5.0, wind_azimuth_deg=90.0), 1800.0)
+    assert through.argmin() == 4  # looks west
+    carried = 0.02 * 0.05 / PLANT[1].extinction * 5.0 * 1800.0 * 1e3
+    np.testing.assert_allclose(window.mass, carried * np.maximum(-AROUND[:, 0], 0.0), atol=1e-9)
+
+
+def test_dust_of_a_puff_settles_by_its_own_fall():
+    puffs = Puffs("C", start=3.0)
+    puffs.emit((0.0, 0.0, 3.0), 0.5, [Grains(1.0, 50e-6, 1300.0, 80.0)])
+    window = Window(Params(impaction_percent=0.0), 8)
+    stand(window, Site(puffs), 10.0)
+    thick = 0.5 / ((2 * np.pi) ** 1.5 * 27.0) * (1.0 + np.exp(-0.5 * 36.0 / 9.0))
+    assert window.mass == pytest.approx(np.full(8, 1e3 * 0.1 * thick * fall_speed(50e-6, 1300.0) * 10.0))
+
+
+def test_a_cloth_and_rain_take_it_off_and_the_scanner_warns():
+    window = Window(Params(dust_g_m2=4.0, wiped_s=(5.0,)), 8)
+    assert stand(window, Site(), 4.0).max() < 0.85
+    assert "warning" in window.notes[0]
+    assert stand(window, Site(), 2.0, start=4.0) == pytest.approx(np.ones(8))
+    rained = Window(Params(dust_g_m2=4.0, rinse_mm=2.0), 8)
+    stand(rained, Site(rain_mm_h=6.0), 2400.0)
+    assert rained.mass == pytest.approx(np.full(8, 1.0))
+    saved = rained.save()
+    rained.reset()
+    assert rained.mass[0] == 4.0
+    rained.load(saved)
+    assert rained.mass == pytest.approx(np.full(8, 1.0))
