@@ -130,6 +130,7 @@ LIMITS = {
         "rays": Limit("pixels within 0.5 px of the pinhole formula", 0.5),
         "error": Limit("equal to rays within 0.5 px without distortion", 0.5),
         "depth": Limit("equal to rays within 0.5 px without noise", 0.5),
+        "thermal": Limit("equal to rays within 0.5 px", 0.5),
     },
     "odometry": {
         "ideal": Limit("exact", EXACT),

@@ -17,7 +17,7 @@ from swath.rays.engine import RayCaster
 from swath.record.digest import sample_bytes
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
-from swath.sensing.camera import depth, error
+from swath.sensing.camera import depth, error, thermal
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
 from swath.sensing.camera.shading import COLOURS, Daylight
@@ -89,6 +89,9 @@ def camera_of(level, solids):
             holes=False,
         )
         made = depth.DepthCamera(params, setup)
+    elif level == "thermal":
+        size = {"width_px": 160, "height_px": 120, "horizontal_fov_deg": 60.0}
+        made = thermal.ThermalCamera(thermal.Params(**size), setup)
     else:
         made = error.ErrorCamera(
             error.Params(

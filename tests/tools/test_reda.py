@@ -171,3 +171,22 @@ def test_the_command_says_what_is_kept(tmp_path, monkeypatch, capsys):
     assert main(["reda", "--out", str(tmp_path / "out")]) == 130
     assert "the same command resumes from there" in capsys.readouterr().err
     assert main(["reda", "--out", str(tmp_path / "out")]) == 130  # the folder is one of its own
+
+
+@pytest.mark.parametrize("target", ["person", "animal-fawn"])
+def test_before_dawn_warmth_is_seen_and_light_is_not(target):
+    """On stubble, 5 m ahead; at noon both are as warm as what is around them, within its spread."""
+    pytest.importorskip("pvlib", reason="needs the extra `light`")
+    found = {}
+    for hour in (4.0, 13.5):
+        settings = Settings(
+            target=target, hours=(hour,), sensors=("thermal",), repeats=1, camera_least_px=20.0
+        )
+        scene = Scene(settings, Condition(0.85, 300.0, "clear", hour))
+        found[hour] = [make_sensor(name, scene).look(-1.0, 0.0).detected for name in ("thermal", "camera")]
+    assert found == {4.0: [1.0, 0.0], 13.5: [0.0, 1.0]}
+
+
+def test_thermal_asks_for_an_hour():
+    with pytest.raises(InputError, match="--hour"):
+        Settings(sensors=("thermal",))

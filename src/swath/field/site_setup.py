@@ -19,7 +19,7 @@ from swath.field.maps.projection import Origin
 from swath.field.memory_layout import Solids
 from swath.field.solid.contact import Parts, bounds, joined, nearest, overlaps, parts_of
 from swath.field.solid.convex import Vector
-from swath.field.solid.obstacles import KINDS, Thing, names_of
+from swath.field.solid.obstacles import KINDS, Thing, Warm, names_of
 from swath.field.solid.solids import merge, moved
 from swath.signals import MachineState
 from swath.signals.setup import MachineGeometry
@@ -45,6 +45,7 @@ class Sighted:
 
     velocity: of its origin, world (3,) [m/s]
     pose: pose_world_body
+    warm: what keeps it warm, None where nothing does
     """
 
     name: str
@@ -52,6 +53,7 @@ class Sighted:
     solids: Solids
     velocity: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
     pose: Pose = dataclasses.field(default_factory=Pose.identity)
+    warm: Warm | None = None
 
 
 @dataclass(frozen=True)
@@ -235,10 +237,13 @@ class Bodies:
         """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
         only where it sees itself.
         """
-        standing = [Sighted(n, self._kind(n), self._standing_solids[n]) for n in self._obstacles]
+        solids = self._standing_solids
+        standing = [Sighted(n, self._kind(n), solids[n], warm=self._warm(n)) for n in self._obstacles]
         rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
         return standing + [
-            Sighted(n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocity(n)), pose)
+            Sighted(
+                n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocity(n)), pose, self._warm(n)
+            )
             for n in rest
             for pose in (self._poses[n],)
         ]
@@ -328,6 +333,9 @@ class Bodies:
         if (thing := self._thing(name)) is not None:
             return thing.kind
         return MACHINE if name in self._solids and name not in self._standing else "unknown"
+
+    def _warm(self, name: str) -> Warm | None:
+        return None if (thing := self._thing(name)) is None else thing.warm
 
     def _thing(self, name: str) -> Thing | None:
         """What is known of an obstacle; None for a machine."""

@@ -18,7 +18,7 @@ from swath.core.frames import Pose
 from swath.core.portable import power, product
 from swath.core.units import DEG, KMH
 from swath.documents.data_sheets import read_sheet
-from swath.documents.sheet_fields import Key, Quantity
+from swath.documents.sheet_fields import Key, Quantity, Section
 from swath.field.edges.track import Way
 from swath.field.memory_layout import Solids
 from swath.field.mesh_file import UNITS, UP, base_middle, file_up, read_mesh
@@ -26,6 +26,20 @@ from swath.field.solid.solids import PAINT, STONE, WOOD, box_on_ground, mesh, mo
 
 Six = tuple[float, float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Warm:
+    """What keeps a living thing warm.
+
+    skin: temperature of the skin [deg C]
+    insulation: of fur or clothes on it [m2 K/W]
+    emissivity: of their outside at 8 to 14 um
+    """
+
+    skin: Annotated[float, Quantity("", 0, 45, key="skin_c")]
+    insulation: Annotated[float, Quantity("", 0.001, 5, key="insulation_m2k_w")]
+    emissivity: Annotated[float, Quantity("", 0.1, 1)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +51,7 @@ class ObstacleSheet:
     rcs_24, rcs_77: radar cross section at 24 and 77 GHz [dBsm]
     boxes, ellipsoids: rows of middle x, y, z and length, width, height [m]
     capsules: rows of two ends x, y, z each and the radius [m]
+    warm: None for what is as warm as air and sun make it
     """
 
     format: str
@@ -52,6 +67,7 @@ class ObstacleSheet:
     boxes: Annotated[list[Six], Key("body.boxes_m")] = field(default_factory=list)
     ellipsoids: Annotated[list[Six], Key("body.ellipsoids_m")] = field(default_factory=list)
     capsules: Annotated[list[Seven], Key("body.capsules_m")] = field(default_factory=list)
+    warm: Annotated[Warm | None, Section("warm.", when="warm")] = None
 
     def solids(self, size: tuple[float, float, float], reflectance: float) -> Solids:
         """The body stretched to a length, width and height [m]; a radius goes with the mean of x and y."""
@@ -90,6 +106,7 @@ Heading = Annotated[float, Ge(-360.0), Le(360.0)]
 Share = Annotated[float, Ge(0.0), Le(1.0)]
 ObstacleName = Annotated[str, MinLen(1), MaxLen(40)]
 SheetKind = Literal["person", "animal", "vehicle", "tree", "hedge", "building"]
+POSTURES = (("person", "lying"), ("animal", "fawn"), ("animal", "hare"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,9 +213,11 @@ class SheetObstacle(Placed):
     length_m, width_m, height_m: none = the sheet's; what one gives stretches the body
     heading_deg: where it looks as long as it stands, from east to the left
     reflectance: at 905 nm, none = the sheet's
+    posture: `lying` of a person, `fawn` or `hare`, which lie, of an animal; none = upright
     """
 
     kind: SheetKind
+    posture: Literal["lying", "fawn", "hare"] | None = None
     length_m: Size | None = None
     width_m: Size | None = None
     height_m: Size | None = None
@@ -224,6 +243,7 @@ class Thing:
     pose: pose_world_thing at t = 0
     path, way: where it goes, None for what stands
     rcs_dbsm: radar cross section at 24 and 77 GHz, None where it is that of its solids
+    warm: what keeps it warm, None where nothing does
     """
 
     name: str
@@ -233,6 +253,7 @@ class Thing:
     path: Path | None = None
     way: Way | None = None
     rcs_dbsm: tuple[float, float] | None = None
+    warm: Warm | None = None
 
     @property
     def in_world(self) -> Solids:
@@ -295,16 +316,27 @@ def _thing(name: str, o: Any, foot: Array, key: str) -> Thing:
         return Thing(name, o.kind, _mesh_solids(o, f"{key}.file"), pose)
     pose = Pose.from_euler(foot, yaw=o.heading_deg * DEG)
     if isinstance(o, SheetObstacle):
-        return _of_sheet(name, o, load_obstacle(o.kind), pose)
+        return _of_sheet(name, o, load_obstacle(_sheet_of(o, key)), pose)
     shape = box_on_ground if isinstance(o, BoxObstacle) else stone
     size = (o.length_m, o.width_m, o.height_m)
     return Thing(name, o.kind, shape(zero, size, reflectance=o.reflectance), pose)
 
 
+def _sheet_of(o: SheetObstacle, key: str) -> str:
+    """Name of its data sheet."""
+    if o.posture is None:
+        return o.kind
+    if (o.kind, o.posture) not in POSTURES:
+        known = ", ".join(f"{posture} of {kind}" for kind, posture in POSTURES)
+        raise InputError(f"{key}.posture", o.posture, f"expected {known}")
+    return f"{o.kind}-{o.posture}"
+
+
 def _of_sheet(name: str, o: SheetObstacle, sheet: ObstacleSheet, pose: Pose) -> Thing:
     size = (o.length_m or sheet.length, o.width_m or sheet.width, o.height_m or sheet.height)
     reflectance = sheet.reflectance if o.reflectance is None else o.reflectance
-    return Thing(name, o.kind, sheet.solids(size, reflectance), pose, rcs_dbsm=(sheet.rcs_24, sheet.rcs_77))
+    solids, rcs = sheet.solids(size, reflectance), (sheet.rcs_24, sheet.rcs_77)
+    return Thing(name, o.kind, solids, pose, rcs_dbsm=rcs, warm=sheet.warm)
 
 
 def _mesh_solids(o: MeshObstacle, key: str) -> Solids:

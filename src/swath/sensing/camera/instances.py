@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from swath.core.frames import Pose
 from swath.field.memory_layout import Organ, Solids
 from swath.field.site_setup import Sighted
+from swath.field.solid.obstacles import Warm
 from swath.field.solid.solids import GRAIN, merge
 from swath.rays.hits import Hits
 from swath.sensing.camera.shading import linear
@@ -63,6 +64,7 @@ class Instances:
     names, kinds: of instance 1, 2 ...
     owner: instance of each part, (parts + 1,), 0 = none
     colours: linear light of each part, (parts + 1, 3)
+    warm: what keeps each warm, None where nothing does
     """
 
     solids: Solids
@@ -74,6 +76,7 @@ class Instances:
     velocities: tuple[F64, ...] = ()
     poses: tuple[Pose, ...] = ()
     is_grain: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
+    warm: tuple[Warm | None, ...] = ()
 
     @property
     def moving(self) -> list[tuple[Solids, F64]]:
@@ -117,6 +120,7 @@ def instances_of(seen: Sequence[Sighted]) -> Instances:
         tuple(thing.velocity for thing in seen),
         tuple(thing.pose for thing in seen),
         np.array(is_grain, dtype=bool),
+        tuple(thing.warm for thing in seen),
     )
 
 

@@ -124,6 +124,15 @@ class Lighting:
             self._through_air(light, hits, starts, directions)
         return light
 
+    def cosines(
+        self, hits: Hits, origins: F64, directions: F64, things: Instances, caster: RayCaster, t: int
+    ) -> F64:
+        """Cosines (n,) of the angle to the sun of what was hit, 0 in shadow."""
+        seen = hits.is_hit
+        points = np.broadcast_to(origins, directions.shape)[seen]
+        points = points + hits.distance[seen].astype(np.float64)[:, None] * directions[seen]
+        return self._shared_cosine(seen, points, things.solids, caster, t)
+
     def _surface(
         self, hits: Hits, seen: NDArray[np.bool_], points: F64, distance: F64, things: Instances
     ) -> F64:

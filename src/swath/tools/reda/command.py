@@ -5,6 +5,7 @@ from typing import Any
 
 from swath.terminal.options import add_folder, former, option
 
+TARGETS = ("person", "animal", "person-lying", "animal-fawn", "animal-hare")
 PLACE = "many", 4  # among all commands
 _DESCRIPTION = """A person on a grid of places before and behind a crop edge, seen by a LiDAR, two radars and
 a camera, for every combination of crop height, density and weather: maps of the share of looks that detect
@@ -21,13 +22,14 @@ def add(parsers: Any) -> None:
     option(parser, "--crop-height-m M", "height of the crop (default 0.6 0.85)", nargs="+", type=float)
     option(parser, "--stems-per-m2 N", "density of the stand (default 300 500)", nargs="+", type=float)
     option(parser, "--weather NAME", "clear, dust or rain (default: all)", nargs="+")
+    option(parser, "--hour H", "hours of 25 July, summer time: sun, air (extra light)", nargs="+", type=float)
     option(
         parser,
         "--sensor NAME",
-        "lidar, camera, or data sheets of radars (default: lidar, camera, two radars)",
+        "lidar, camera, thermal with --hour, or data sheets of radars (default: lidar, camera, two radars)",
         nargs="+",
     )
-    option(parser, "--target", "what to detect", ("person", "animal"))
+    option(parser, "--target", "what to detect", TARGETS)
     option(parser, "--target-height-m M", "its height (default: that of its data sheet)", type=float)
     option(parser, "--crop NAME|FILE", "crop", "wheat")
     option(parser, "--moisture-percent PERCENT", "moisture of the straw", 12.0)
@@ -74,6 +76,7 @@ def _settings(args: argparse.Namespace) -> Any:
         "heights": args.crop_height_m,
         "densities": args.stems_per_m2,
         "weathers": args.weather,
+        "hours": args.hour,
         "sensors": args.sensor,
     }
     given: dict[str, Any] = {k: tuple(v) for k, v in lists.items() if v is not None}

@@ -119,15 +119,16 @@ def measure(settings: Settings, condition: Condition) -> Found:
     asked: dict[tuple[str, float], Cell] = {}
     for name in settings.sensors:
         sensor = make_sensor(name, scene)
-        looks = settings.repeats * {"lidar": SCANS - 1, "camera": 1}.get(name, settings.looks)
+        looks = settings.repeats * {"lidar": SCANS - 1, "camera": 1, "thermal": 1}.get(name, settings.looks)
 
         cell = partial(_cell, sensor, looks)
         cells[name] = [cell(*place) for place in places()]
         standing = next(c for c in cells[name] if (c.inside, c.aside) == (ASKED, 0.0))
         asked[name, _height(scene)] = standing
-        scene.height = settings.low_height
-        asked[name, settings.low_height] = cell(ASKED, 0.0)
-        scene.height = settings.target_height
+        if "-" not in settings.target:  # what lies is low
+            scene.height = settings.low_height
+            asked[name, settings.low_height] = cell(ASKED, 0.0)
+            scene.height = settings.target_height
     return Found(condition, cells, asked)
 
 
@@ -146,7 +147,8 @@ def write_cells(path: Path, found: list[Found]) -> Path:
     """A row per condition, sensor and place."""
     rows = [
         {"crop_height_m": made.condition.height, "stems_per_m2": made.condition.density,
-         "weather": made.condition.weather, "sensor": name, "inside_m": cell.inside, "aside_m": cell.aside,
+         "weather": made.condition.weather, "hour": made.condition.hour, "sensor": name,
+         "inside_m": cell.inside, "aside_m": cell.aside,
          "detected": f"{cell.detected:.4f}", "false": f"{cell.false:.4f}", "net": f"{cell.net:.4f}",
          "looks": cell.looks, "why": cell.why}
         for made in found for name, cells in made.cells.items() for cell in cells

@@ -9,7 +9,7 @@ Of each sensor is counted how often it reports a person at a place, and of one t
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import atan2, exp, hypot, log10, tan
+from math import asin, atan2, cos, exp, hypot, inf, log10, pi, tan
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -25,14 +25,22 @@ from swath.field.crop_sheet import load_crop
 from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
+from swath.field.light import light
+from swath.field.maps.projection import origin_at
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import Body, SiteSetup
 from swath.field.solid.obstacles import Path as ObstaclePath
 from swath.field.solid.obstacles import SheetObstacle, things_of
 from swath.field.stand import uniform
 from swath.field.terrain import plane
+from swath.field.weather import GREEN, SiteWeather, Weather
 from swath.rays.engine import RayCaster
-from swath.sensing.echo import ScannerWeather, Weather
+from swath.sensing.camera import thermal
+from swath.sensing.camera.camera_sheet import load_camera
+from swath.sensing.camera.error import photon_rate
+from swath.sensing.camera.pinhole import OPTICAL
+from swath.sensing.echo import ScannerWeather
+from swath.sensing.echo import Weather as SensorWeather
 from swath.sensing.lidar import plants
 from swath.sensing.mount import Mount
 from swath.sensing.radar import rays
@@ -48,34 +56,43 @@ RIG = MachineGeometry(3.0, 2.0, 2.0, 0.5, 6.0, KNIFE_M, 0.0, 0.5, 0.5, (-3.0, 0.
 WEATHERS = {"clear": (0.0, 0.0), "dust": (0.1, 0.0), "rain": (0.0, 10.0)}  # extinction [1/m], rain [mm/h]
 INSIDE = (-3.0, -1.0, 1.0, 3.0, 5.0, 8.0, 11.0, 14.0, 18.0)  # places behind the crop edge [m], < 0 before it
 ASIDE = (-8.0, -4.0, 0.0, 4.0, 8.0)
-SENSORS = ("lidar", "radar-24ghz", "radar-77ghz-corner", "camera")
+SENSORS = ("lidar", "radar-24ghz", "radar-77ghz-corner", "camera", "thermal")
+DAY, PLACE = "2026-07-25", (52.3, 8.0)  # of the hours: a clear day of harvest in the north of Germany
+MEAN_C, SWING_C, WARMEST_H, VAPOUR_HPA = 18.0, 7.0, 16.0, 12.0  # air of that day, an estimate
+LEAST_WIND, DAY_WIND = 0.5, 2.0  # at night and at noon [m/s], an estimate
 
 
 @dataclass(frozen=True)
 class Condition:
-    """height: of the crop [m]; density [stems/m2]; weather: a key of WEATHERS."""
+    """height: of the crop [m]; density [stems/m2]; weather: a key of WEATHERS.
+
+    hour: of DAY, summer time; None = by day, nothing is warm
+    """
 
     height: float
     density: float
     weather: str
+    hour: float | None = None
 
     @property
     def name(self) -> str:
         """Such as `wheat 0.85 m, 500/m2, dust` without the crop."""
-        return f"{self.height:g} m, {self.density:g} stems/m2, {self.weather}"
+        hour = "" if self.hour is None else f", {self.hour:g} h"
+        return f"{self.height:g} m, {self.density:g} stems/m2, {self.weather}{hour}"
 
     @property
     def file(self) -> str:
         """Name of its figure."""
-        return f"reda-{100 * self.height:.0f}cm-{self.density:.0f}-{self.weather}.png"
+        hour = "" if self.hour is None else f"-{self.hour:g}h"
+        return f"reda-{100 * self.height:.0f}cm-{self.density:.0f}-{self.weather}{hour}.png"
 
 
 @dataclass(frozen=True)
 class Settings:
-    """heights [m], densities [stems/m2], weathers: every combination is a condition.
+    """heights [m], densities [stems/m2], weathers, hours: every combination is a condition.
 
     sensors: of SENSORS
-    target: a kind of `data/obstacles/`
+    target: a sheet of `data/obstacles/`
     target_height: None = its sheet's
     low_height: of the same one lower, for the table alone [m]
     crop: sheet
@@ -90,7 +107,8 @@ class Settings:
     heights: tuple[float, ...] = (0.6, 0.85)
     densities: tuple[float, ...] = (300.0, 500.0)
     weathers: tuple[str, ...] = tuple(WEATHERS)
-    sensors: tuple[str, ...] = SENSORS
+    hours: tuple[float, ...] = ()
+    sensors: tuple[str, ...] = SENSORS[:-1]
     target: str = TARGET
     target_height: float | None = None
     low_height: float = 0.8
@@ -109,6 +127,7 @@ class Settings:
         for key, values, low, high in (
             ("--crop-height-m", self.heights, 0.2, 3.0),
             ("--stems-per-m2", self.densities, 10.0, 1500.0),
+            ("--hour", self.hours, 0.0, 24.0),
             ("--moisture-percent", (self.moisture,), 0.0, 80.0),
             ("--camera-px", (self.camera_px,), 64.0, 20000.0),
             ("--camera-least-px", (self.camera_least_px,), 1.0, 2000.0),
@@ -128,10 +147,15 @@ class Settings:
                     raise InputError(key, name, f"expected one of {', '.join(known)}")
             if len(set(names)) < len(names):
                 raise InputError(key, " ".join(names), "expected each only once")
+        if "thermal" in self.sensors and not self.hours:
+            raise InputError(
+                "--hour", None, "expected one or more for thermal: what is warm goes by the hour"
+            )
 
     def conditions(self) -> list[Condition]:
         """All conditions, the weather last."""
-        return [Condition(*values) for values in product(self.heights, self.densities, self.weathers)]
+        every = product(self.heights, self.densities, self.weathers, self.hours or (None,))
+        return [Condition(*values) for values in every]
 
 
 class Scene:
@@ -158,8 +182,10 @@ class Scene:
             draw = self.stream.child(f"place {inside:g} {aside:g}").at(repeat)
             moved, turn = draw.uniform(-0.3, 0.3, 2), float(draw.uniform(-180.0, 180.0))
         x, y = EDGE_M + inside + float(moved[0]), aside + float(moved[1])
+        kind, _, posture = self.settings.target.partition("-")
         thing = SheetObstacle(
-            kind=self.settings.target,  # type: ignore[arg-type]
+            kind=kind,  # type: ignore[arg-type]
+            posture=posture or None,  # type: ignore[arg-type]
             name=TARGET,
             x_m=x,
             y_m=y,
@@ -194,7 +220,23 @@ def _field(settings: Settings, condition: Condition, stream: Stream) -> Field:
         x_m=EDGE_M, y_m=-200.0, length_m=400.0, crop_begins_m=None, stubble_height_m=0.15
     )
     ground, stand = plane.Plane(plane.Params(), setup), uniform.Uniform(params, setup)
-    return make_field(ground, stand, make_edge(line, setup), crop=crop, stream=stream.child("stand"))
+    air = None if condition.hour is None else air_at(condition.hour)
+    edge, own = make_edge(line, setup), stream.child("stand")
+    return make_field(ground, stand, edge, crop=crop, stream=own, weather=air)
+
+
+def air_at(hour: float) -> SiteWeather:
+    """Sun, air and wind of DAY at an hour of summer time."""
+    warm = MEAN_C + SWING_C * cos(2.0 * pi * (hour - WARMEST_H) / 24.0)
+    saturated = 6.108 * exp(17.27 * warm / (warm + 237.3))  # FAO Irrigation and Drainage Paper 56, eq. 11
+    light = max(cos(2.0 * pi * (hour - 13.5) / 24.0), 0.0)
+    told = Weather(
+        time=f"{DAY}T{int(hour) % 24:02d}:{int(60.0 * (hour % 1.0)):02d}+02:00",
+        temperature_c=warm,
+        humidity_percent=min(100.0 * VAPOUR_HPA / saturated, 98.0),
+        wind_m_s=LEAST_WIND + (DAY_WIND - LEAST_WIND) * light,
+    )
+    return SiteWeather(told, origin_at(*PLACE, 0.0))
 
 
 GATE_M = 1.0  # a report so far from the person is one of it
@@ -202,6 +244,11 @@ SCANS = 4  # of a LiDAR at each place; the first ones make a thing count
 EMPTY_LOOKS = 24  # without a person
 ROOF_M, HOOD_M = 3.8, 1.6  # heights of LiDAR and camera, and of radars
 FOV_DEG = 70.0  # of the camera, across
+LEAST_SNR = 3.0  # of a person's contrast in a pixel: an estimate
+PAPER, CONTRAST = 0.4, 0.3  # usual reflectance of a scene, and contrast of clothes or fur in it: estimates
+BAND_NM = 100.0  # of green light
+THERMAL_PX, WINDOW_PX = 640, 64  # of the picture, and of what is looked at around the target
+LEAST_PX, LEAST_OVER_CLUTTER = 6.0, 3.0  # pixels and contrast over clutter that a detector needs: estimates
 LEAST_CONTRAST = 0.05  # of a dark thing before the horizon: Koschmieder's threshold of visibility
 SEEN_FROM = 13.0  # dB over noise or clutter from which on a radar detects half of the looks, Pfa some 1e-6
 
@@ -228,6 +275,8 @@ def make_sensor(name: str, scene: Scene) -> Sensor:
     """A sensor by its name in SENSORS."""
     if name == "lidar":
         return LidarSensor(scene)
+    if name == "thermal":
+        return ThermalSensor(scene)
     return CameraSensor(scene) if name == "camera" else RadarSensor(scene, name)
 
 
@@ -379,7 +428,19 @@ class CameraSensor:
         self._focal = 0.5 * scene.settings.camera_px / tan(0.5 * FOV_DEG * DEG)
         self._eye = np.array([0.0, 0.0, ROOF_M])
         dust, rain = scene.weather
-        self._extinction = Weather(extinction_per_m=dust, rain_mm_h=rain).extinction
+        self._extinction = SensorWeather(extinction_per_m=dust, rain_mm_h=rain).extinction
+        self._light = self._snr()
+
+    def _snr(self) -> float:
+        """Contrast over noise of a pixel at the longest exposure; inf without an hour."""
+        weather = self._scene.field.weather
+        sun = None if weather is None else weather.sun(0)
+        if sun is None:
+            return inf
+        s, day = load_camera("camera-global-3um45"), light(sun.elevation)
+        image = PAPER * BAND_NM * day.at(GREEN, day.level) * s.transmission / (4.0 * s.f_number**2)
+        count = s.efficiency(1) * s.exposure_max * float(photon_rate(image, s.pixel, GREEN))
+        return CONTRAST * count / hypot(count**0.5, s.dark_noise)
 
     def look(self, inside: float, aside: float) -> Answer:
         """How the sensor answers to a person so far inside and beside [m]."""
@@ -392,15 +453,68 @@ class CameraSensor:
             contrast = exp(-self._extinction * hypot(x, y))
             in_view = abs(atan2(y, x)) < 0.5 * FOV_DEG * DEG
             need = self._scene.settings.camera_least_px
-            found.append(in_view and high >= need and contrast >= LEAST_CONTRAST)
+            is_clear = contrast >= LEAST_CONTRAST and contrast * self._light >= LEAST_SNR
+            found.append(in_view and high >= need and is_clear)
             pixels.append(high)
             contrasts.append(contrast)
         why = f"{np.mean(pixels):.0f} px of height in sight, contrast {np.mean(contrasts):.2f}"
+        why += ", too dark" if self._light < LEAST_SNR else ""
         return Answer(float(np.mean(found)), why if in_view else why + ", out of view")
 
     def false_share(self, inside: float, aside: float) -> float:
         """Share of looks with a false alarm."""
         return 0.0  # a picture's geometry makes no mistakes; a detector would
+
+
+class ThermalSensor:
+    """A thermal camera on the roof, level `thermal`: how much is seen of the target, and how it differs from
+    what is around it over the spread of that; no detector is run.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._eye = scene, np.array([0.0, 0.0, ROOF_M])
+        self._focal = 0.5 * THERMAL_PX / tan(0.5 * FOV_DEG * DEG)
+
+    def look(self, inside: float, aside: float) -> Answer:
+        """How the sensor answers to a target so far inside and beside [m]."""
+        found, pixels, overs = [], [], []
+        for repeat in range(self._scene.settings.repeats):
+            body = self._scene.put(inside, aside, repeat=repeat)
+            ahead = body.pose.apply(body.middle) - self._eye
+            in_view = abs(atan2(ahead[1], ahead[0])) < 0.5 * FOV_DEG * DEG
+            count, over = self._seen(body, ahead)
+            found.append(in_view and count >= LEAST_PX and over >= LEAST_OVER_CLUTTER)
+            pixels.append(count)
+            overs.append(over)
+        why = f"{np.mean(pixels):.0f} px in sight, {np.mean(overs):.1f} times the spread around it"
+        return Answer(float(np.mean(found)), why if in_view else why + ", out of view")
+
+    def _seen(self, body: Body, ahead: F64) -> tuple[float, float]:
+        """Pixels of the camera that show a body, and its contrast over the clutter."""
+        far = hypot(*ahead.tolist())
+        wide = 2.0 * hypot(*body.half.tolist())
+        focal = min(self._focal, 0.5 * WINDOW_PX * far / wide)  # the window holds it, and what is around it
+        yaw, pitch = atan2(ahead[1], ahead[0]), -asin(ahead[2] / far)
+        params = thermal.Params(
+            mount=Mount(at="axle", z_m=ROOF_M),
+            width_px=WINDOW_PX,
+            height_px=WINDOW_PX,
+            focal_px=focal,
+            channels=("label", "instance", "raw"),
+        )
+        camera = thermal.ThermalCamera(params, self._scene.setup)
+        camera.reset(self._scene.stream.child("thermal"))
+        image = camera.image_from(NS, Pose.from_euler(self._eye, yaw=yaw, pitch=pitch) @ OPTICAL)
+        kelvin, own = image.raw[..., 0] / thermal.CENTIKELVIN, image.instance > 0
+        around = kelvin[~own & (image.label > 0)]
+        if not own.any() or len(around) < WINDOW_PX:
+            return 0.0, 0.0
+        contrast = abs(float(kelvin[own].mean() - around.mean()))
+        return float(own.sum()) * (self._focal / focal) ** 2, contrast / max(float(around.std()), 0.01)
+
+    def false_share(self, inside: float, aside: float) -> float:
+        """Share of looks with a false alarm."""
+        return 0.0  # as of the camera
 
 
 def _why(echo: float, loss: float, clutter: float) -> str:

@@ -1,0 +1,226 @@
+"""Camera level `thermal`: apparent temperatures at 8 to 14 um of what sun, sky and bodies warm and cool.
+
+Surfaces are in balance with what they take in, without a memory of the hour before:
+
+    Ts - Ta = ((1 - g) (a S + e (L - s Ta^4)) + q) / (rho cp / ra + 4 e s Ta^3)
+
+S sun and sky on the surface, a, e what it absorbs of them and at 8 to 14 um, L radiation of the sky, g the
+share of the net radiation that goes into the ground or evaporates, q = (Tskin - Ts) / R of a living thing
+through fur or clothes of insulation R. ra of a stand of height h is that of FAO Irrigation and Drainage Paper
+56, eq. 4, wind 2 m above it, at least 0.5 m/s; of a body 8.3 u^0.6 W/m2K (ASHRAE Handbook Fundamentals).
+
+- Sun and sky: `field/light.py`.
+- Sky: L = 1.24 (v / T)^(1/7) s T^4, v vapour in hPa (Brutsaert 1975, doi:10.1029/WR011i005p00742); clouds
+  fill up n^2 of what is left to a black body (estimate).
+
+None of these papers was read here, numbers of surfaces are estimates, no picture of a field was compared.
+
+What is seen: e B(Ts) + (1 - e) B(sky), B the integral of Planck's law, dimmed by the air as light is; each
+pixel has noise of the NETD, at 300 K. No lens, no drift, no blur. Channel `raw` is the apparent temperature
+in 0.01 K, `colour` the same from cold (black) to warm (white), each picture between its percentiles 1 and 99.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from math import exp, log, sin, sqrt
+from typing import Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from swath.core import portable
+from swath.core.component import Outputs
+from swath.core.frames import Pose
+from swath.core.lens import Lens
+from swath.core.random import Stream
+from swath.core.registry import Level
+from swath.field.light import light
+from swath.field.memory_layout import Organ
+from swath.field.site_setup import SiteSetup
+from swath.field.weather import KELVIN, Air
+from swath.sensing.camera.lighting import CANOPY_COSINE
+from swath.sensing.camera.rays import Channel, SceneCamera, Sight, cells, pinhole_of
+from swath.sensing.camera.rays import Params as PinholeParams
+from swath.signals import F64
+
+BOLTZMANN = 5.670374419e-8  # [W/m2K4]
+FIRST, SECOND = 3.741771852e-16, 1.438776877e-2  # radiation constants [W m2, m K]
+BAND = 8e-6, 14e-6  # [m]
+HEAT = 1.2 * 1005.0  # of air, density times heat capacity [J/m3K]
+KARMAN, CALM = 0.41, 0.5  # least wind [m/s]: FAO 56
+CENTIKELVIN = 100.0  # counts per kelvin of `raw`
+# absorbed of sunlight, emissivity at 8 to 14 um, share of the net radiation that goes elsewhere: estimates
+DRY, SOIL, GREEN, THING = (0.65, 0.96, 0.05), (0.75, 0.94, 0.3), (0.8, 0.97, 0.7), (0.6, 0.93, 0.1)
+SURFACES = {Organ.GROUND: SOIL, Organ.WEED: GREEN, Organ.SOLID: THING}
+SUN_ON_BODY = 0.7  # absorbed by fur and clothes, an estimate
+
+
+@dataclass(frozen=True)
+class Params(PinholeParams):
+    """A thermal camera: a class of uncooled bolometers. Keys of colour alone (texture, green_percent,
+    orthophoto) change nothing.
+
+    width_px: width of the image
+    height_px: height of the image
+    channels: what an image holds
+    netd_mk: noise equivalent temperature difference at 300 K, 50 is usual
+    """
+
+    width_px: Annotated[int, Ge(1), Le(8192)] = 640
+    height_px: Annotated[int, Ge(1), Le(8192)] = 480
+    channels: tuple[Channel, ...] = ("colour", "depth", "label", "raw")
+    netd_mk: Annotated[float, Ge(0), Le(5000)] = 50.0
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What reaches surfaces. sun: direct, across it; sky: diffuse, on level ground; down: long waves [W/m2].
+
+    up: sine of the sun's elevation, 0 at night
+    air [K]; canopy, body: heat to the air per kelvin [W/m2K]
+    """
+
+    up: float
+    sun: float
+    sky: float
+    down: float
+    air: float
+    canopy: float
+    body: float
+
+    def surface(self, absorbed: F64 | float, emissivity: F64 | float, lost: F64 | float, sun: F64) -> F64:
+        """Temperature [K]; lost: share of the net radiation; sun: cosine of its angle, 0 in shadow."""
+        net = self._net(absorbed, emissivity, sun) * (1.0 - np.asarray(lost))
+        return self.air + net / (self.canopy + 4.0 * np.asarray(emissivity) * BOLTZMANN * self.air**3)
+
+    def living(self, skin: float, insulation: float, emissivity: float, sun: F64) -> F64:
+        """Temperature [K] of fur or clothes on a skin [K]."""
+        to_air = self.body + 4.0 * emissivity * BOLTZMANN * self.air**3
+        taken = self._net(SUN_ON_BODY, emissivity, sun) + (skin - self.air) / insulation
+        return np.asarray(self.air + taken / (to_air + 1.0 / insulation))
+
+    def _net(self, absorbed: F64 | float, emissivity: F64 | float, sun: F64) -> F64:
+        light = np.asarray(absorbed) * (self.sky + self.sun * sun)
+        return np.asarray(light + np.asarray(emissivity) * (self.down - BOLTZMANN * self.air**4))
+
+    @property
+    def sky_temperature(self) -> float:
+        """Of a black body that sends what the sky does [K]."""
+        return float(sqrt(sqrt(self.down / BOLTZMANN)))
+
+
+def balance(air: Air, elevation: float, height: float) -> Balance:
+    """Balance under a sun at an elevation [rad], in a stand of a height [m]."""
+    wind, t, day = max(float(np.hypot(*air.wind)), CALM), air.temperature, light(elevation, air.cloud)
+    vapour = 6.108 * air.humidity * exp(17.27 * (t - KELVIN) / (t - 35.86))  # [hPa], FAO 56, eq. 11
+    emissivity = min(1.24 * (vapour / t) ** (1.0 / 7.0), 1.0)
+    emissivity += (1.0 - emissivity) * air.cloud**2
+    h = max(height, 0.05)
+    rough, above = 0.123 * h, 2.0 + h / 3.0
+    resistance = log(above / rough) * log(above / (0.1 * rough)) / (KARMAN**2 * wind)
+    return Balance(
+        up=max(sin(elevation), 0.0),
+        sun=float(day.sun[-1]),
+        sky=float(day.sky[-1]),
+        down=emissivity * BOLTZMANN * t**4,
+        air=t,
+        canopy=HEAT / resistance,
+        body=8.3 * wind**0.6,
+    )
+
+
+@cache
+def _table() -> tuple[F64, F64]:
+    """Temperatures [K] and the exitance of a black body in BAND [W/m2], by Simpson's rule."""
+    temperature, wave = np.arange(150.0, 450.5, 0.5), np.linspace(*BAND, 61)
+    weight = np.array([1.0, *[4.0, 2.0] * 29, 4.0, 1.0]) * (wave[1] - wave[0]) / 3.0
+    planck = FIRST / wave**5 / (portable.exp(SECOND / (wave * temperature[:, None])) - 1.0)
+    return temperature, np.asarray((planck * weight).sum(axis=1))
+
+
+def exitance(temperature: F64 | float) -> F64:
+    """Exitance of a black body at 8 to 14 um [W/m2] at temperatures [K]."""
+    return np.asarray(np.interp(temperature, *_table()))
+
+
+def apparent(sent: F64) -> F64:
+    """Temperature [K] of a black body that sends so much at 8 to 14 um [W/m2]."""
+    known, table = _table()
+    return np.asarray(np.interp(sent, table, known))
+
+
+class ThermalCamera(SceneCamera):
+    """A radiometric camera for long waves."""
+
+    kept: ClassVar[tuple[str, ...]] = ("_last", "_casts")
+
+    def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self._netd = 1e-3 * params.netd_mk
+        super().__init__(params, setup, pinhole_of(params, Lens()))
+        table = [SURFACES.get(organ, DRY) for organ in Organ]
+        self._surfaces: F64 = np.array(table)
+
+    def reset(self, stream: Stream) -> Outputs:
+        """A black image."""
+        self._stream = stream
+        return super().reset(stream)
+
+    def picture_from(self, t: int, pose: Pose) -> Outputs:
+        """Every sample at once."""
+        seen = self.sight(t, pose)
+        return self.outputs_of(t, seen, **self._channels(t, seen))
+
+    def _channels(self, t: int, seen: Sight) -> dict[str, np.ndarray]:
+        kelvin = self.temperatures(t, seen)
+        wanted, found = self.params.channels, {}
+        if "raw" in wanted:
+            found["raw"] = np.clip(np.rint(CENTIKELVIN * kelvin), 0, 65535).astype(np.uint16)[..., None]
+        if "colour" in wanted:
+            low, high = np.percentile(kelvin, (1.0, 99.0))
+            grey = np.clip(255.0 * (kelvin - low) / max(high - low, 1.0), 0, 255).astype(np.uint8)
+            found["colour"] = np.repeat(grey[..., None], 3, axis=2)
+        return found
+
+    def temperatures(self, t: int, seen: Sight) -> F64:
+        """Apparent temperatures of the pixels with their noise [K], (height, width)."""
+        weather, (sun, cloud) = self.setup.field.weather, self.sky(t)
+        air = replace(Air() if weather is None else weather.at(t), cloud=cloud)
+        now = balance(air, sun.elevation, self.setup.field.crop_height)
+        sent = self._sent(t, seen, now)
+        clear = np.nan_to_num(seen.hits.distance.astype(float), nan=self.params.reach_m)
+        clear = portable.exp(-self._lighting.setup.extinction * clear)
+        sent = cells(clear * sent + (1.0 - clear) * exitance(now.air), self.per_side).mean(axis=2)
+        found = apparent(sent)
+        slope = (exitance(found + 0.5) - exitance(found - 0.5)) / (exitance(300.5) - exitance(299.5))
+        noise = self._stream.at(t).standard_normal(found.shape) if self._netd > 0.0 else 0.0
+        return np.asarray(found + self._netd * noise / slope)
+
+    def _sent(self, t: int, seen: Sight, now: Balance) -> F64:
+        """What samples send at 8 to 14 um [W/m2], (rows, columns); far ground is as the crop in the sun."""
+        hits, things = seen.hits, seen.things
+        if self.setup.field.weather is not None:
+            self._lighting.setup = self._light_setup(t)
+        cosine = self._lighting.cosines(hits, seen.origins, seen.directions, things, self.caster, t)
+        absorbed, emissivity, lost = self._surfaces[hits.organ[hits.is_hit]].T
+        kelvin, part = now.surface(absorbed, emissivity, lost, cosine), things.part(hits)[hits.is_hit]
+        for number, warm in enumerate(things.warm, start=1):
+            own = things.owner[part] == number
+            if warm is not None and own.any():
+                emissivity[own] = warm.emissivity
+                skin = KELVIN + warm.skin
+                kelvin[own] = now.living(skin, warm.insulation, warm.emissivity, cosine[own])
+        below = seen.directions[..., 2] < 0.0
+        sky = exitance(now.sky_temperature)
+        far = exitance(now.surface(*DRY, sun=np.array(CANOPY_COSINE * sqrt(now.up))))
+        found = np.where(below, DRY[1] * far + (1.0 - DRY[1]) * sky, sky)
+        found[hits.is_hit] = emissivity * exitance(kelvin) + (1.0 - emissivity) * sky
+        return found
+
+
+LEVEL = Level(
+    ThermalCamera,
+    Params,
+    summary="apparent temperatures at 8 to 14 um: sun, sky, wind and living things; NETD",
+    cost="about that of rays, with its rays towards the sun",
+    tolerance="equal to rays within 0.5 px; Planck's law within 0.2 %; no thermal picture was compared",
+)
