@@ -6,7 +6,7 @@ import pytest
 from swath.core.units import DEG
 from swath.field.light import FILE, light
 from swath.field.weather import Sun
-from swath.sensing.camera.shading import Daylight, sun_direction
+from swath.sensing.camera.shading import FULL, Daylight, sun_direction
 
 
 def test_the_table_is_what_its_command_makes():
@@ -46,7 +46,7 @@ def test_clouds_leave_what_kasten_and_czeplak_say_and_no_sun():
 
 def test_evening_is_red_and_its_shadow_blue():
     noon, evening = (Daylight(Sun(0.0, e * DEG), 0.0) for e in (45, 12))
-    assert noon.sun == pytest.approx(np.full(3, 1.0 / 1.1))
+    assert noon.sun == pytest.approx(np.full(3, 1.0 / FULL))
     assert evening.sun[0] > 1.5 * evening.sun[2]
     assert evening.sky[2] > 1.5 * evening.sky[0]
 

@@ -65,7 +65,7 @@ def _shared(wp: Any, array: NDArray[Any], kind: Any) -> Any:
 SHADOW_REACH = 8.0  # nothing further from a surface than this throws a shadow on it [m]
 SKIN = 0.02  # without shadows: how far from the surface the ray from the sun starts [m]
 SAME_PLACE = 5e-4  # a ray from the sun that ends this near to where it should has met the surface seen [m]
-CANOPY = (206, 178, 122)  # mean colour of crop too far away for rays, in the sun, own choice
+CANOPY = (164, 149, 96)  # mean colour of crop too far away for rays, in the sun, own choice
 CANOPY_COSINE = 0.6  # of its parts to the sun, on average, shadows counted as 0; own choice
 CLEAR_AIR = 2e-4  # extinction of clear air, visibility 20 km [1/m]: for what is beyond the reach of rays
 DUST_LAYER = 10.0  # dust and rain are looked through so high above the camera [m], own choice
@@ -110,10 +110,10 @@ class Lighting:
     ) -> F64:
         """Linear light (rows, columns, 3) along rays; origins: (3,) or as directions (rows, columns, 3)."""
         day = self.setup.day
-        light = day.sky_at(directions)
-        seen = hits.is_hit
+        light, seen = np.empty(directions.shape), hits.is_hit
         starts = np.broadcast_to(origins, directions.shape)
-        far = ~seen & (directions[..., 2] < 0.0)
+        far, sky = ~seen & (directions[..., 2] < 0.0), ~seen & (directions[..., 2] >= 0.0)
+        light[sky] = day.sky_at(directions[sky])
         if far.any():
             light[far] = self._backdrop(starts[far], directions[far])
         distance = hits.distance[seen].astype(np.float64)

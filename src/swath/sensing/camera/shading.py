@@ -24,25 +24,27 @@ from swath.field.memory_layout import Organ
 from swath.field.weather import Sun
 from swath.signals import F64
 
-# sRGB. Own choice, by eye, of ripe crop on dry loam: nothing was measured.
+# sRGB of reflectances at 650 and 550 nm: dry straw 0.42 and 0.37, dead leaf 0.29 and 0.25, green leaf 0.05
+# and 0.16 by PROSPECT-D, dry soil 0.31 and 0.26 of prosail. All blue, and ears, pods, cobs, awns, branches,
+# weeds and solids, are own choice, by eye.
 COLOURS: dict[Organ, tuple[int, int, int]] = {
     Organ.NONE: (0, 0, 0),
-    Organ.GROUND: (116, 93, 70),
-    Organ.STRAW: (226, 204, 140),
-    Organ.STEM: (214, 188, 112),
-    Organ.EAR: (198, 163, 102),
-    Organ.LEAF: (158, 152, 92),
-    Organ.STUBBLE: (214, 201, 164),
+    Organ.GROUND: (151, 139, 112),
+    Organ.STRAW: (173, 164, 116),
+    Organ.STEM: (173, 164, 106),
+    Organ.EAR: (160, 139, 92),
+    Organ.LEAF: (147, 137, 84),
+    Organ.STUBBLE: (173, 164, 128),
     Organ.SOLID: (140, 146, 154),
     Organ.WEED: (72, 122, 54),
-    Organ.AWN: (229, 196, 116),
-    Organ.BRANCH: (166, 148, 86),
-    Organ.POD: (176, 138, 74),
-    Organ.COB: (226, 176, 66),
+    Organ.AWN: (182, 160, 96),
+    Organ.BRANCH: (147, 137, 80),
+    Organ.POD: (150, 122, 68),
+    Organ.COB: (186, 146, 58),
 }
-FRESH = (96, 134, 62)  # plants that are not ripe
+FRESH = (63, 111, 48)  # plants that are not ripe
 GREEN_ORGANS = (Organ.STEM, Organ.EAR, Organ.LEAF, Organ.AWN, Organ.BRANCH, Organ.POD, Organ.COB)
-FULL = 1.1  # light that a pixel shows as 255
+FULL = 0.7  # light that a pixel shows as 255; straw and soil send a third of what falls on them
 WAVELENGTHS = (620e-9, 540e-9, 460e-9)  # middle of the bands of red, green and blue [m]
 WHITE_SUN = 45.0 * DEG  # the elevation of a sun that is white
 TWILIGHT = 4.0  # a picture in twilight is exposed for so much light of the sky
