@@ -323,7 +323,7 @@ def test_a_controller_that_falls_silent_is_forgotten_and_found_again():
     assert (0xCB00, bytes([0x13, 0, 87, 0]) + (2_000_000).to_bytes(4, "little"), CONTROLLER) in bus.sent
     made.tick(7 * NS, 0.0, {87: 2.0})
     assert not made.is_active
-    assert "is silent since 0 s" in made.told[-1]
+    assert "is silent since 0 s" in made.events[-1]
     bus.sent.clear()
     made.tick(8 * NS, 0.0, {87: 2.0})
     assert bus.sent == []

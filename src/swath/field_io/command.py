@@ -55,7 +55,7 @@ def run_import(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
     from swath.core.process.shell import command
     from swath.field_io.importer import Settings, import_log
-    from swath.field_io.logs.columns import TOLD, told_rows
+    from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
     from swath.field_io.pass_case import write_pass_case
     from swath.field_io.pass_scenario import write_pass_scenario
     from swath.terminal.tables import table, wide_console
@@ -71,7 +71,7 @@ def run_import(args: argparse.Namespace) -> int:
     console = wide_console()
     console.print(report)
     if "columns" in report.source:
-        table("columns", TOLD, told_rows(report.source))
+        table("columns", COLUMN_HEAD, column_rows(report.source))
     try:
         write_pass_scenario(args.out)
         console.print(f"drive in it: {command('run', args.out)}", highlight=False)

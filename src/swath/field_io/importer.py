@@ -364,7 +364,7 @@ def _report(
     rows = {"read": log.row_count, "broken": log.broken, "records": len(log)}
     digest = _digest(path)
     profile = log.column_map.profile
-    source = {"file": path.name, "sha256": digest, "profile": profile, **log.column_map.told()}
+    source = {"file": path.name, "sha256": digest, "profile": profile, **log.column_map.summary()}
     return ImportReport(
         out, source, rows, _machines(cleaned, tracks), cleaned.counts, int(cleaned.kept.sum()), field, crop,
         terrain, notes,

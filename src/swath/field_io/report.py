@@ -9,7 +9,7 @@ from typing import Any
 class ImportReport:
     """Outcome of an import. Each section is a plain dict; keys carry their unit.
 
-    source: file, profile, columns and those not used (see `ColumnMap.told`). rows: read, broken (reason ->
+    source: file, profile, columns and those not used (see `ColumnMap.summary`). rows: read, broken (reason ->
         count), records. machines: per machine. removed: reason -> count. kept: records that count. field:
         place, area, passes, spacing, direction. crop: yield, mass, stems. terrain: where heights come from
         and how good they are. notes: assumptions.

@@ -241,8 +241,8 @@ class Evaluation:
         found = [x for x in events if why in x.because]
         value, reason = check_metric(limit, float(len(found)))
         others = dict.fromkeys(other for x in events for other in x.because[:1])
-        told = f"{len(events)} in all, because of {', '.join(others) or 'nothing that is there'}"
-        return value, f"{reason} because of {why}; {told}" if reason else ""
+        counted = f"{len(events)} in all, because of {', '.join(others) or 'nothing that is there'}"
+        return value, f"{reason} because of {why}; {counted}" if reason else ""
 
     def interested(self, slot: str, kinds: tuple[type[Signal], ...]) -> list[Evaluator]:
         """Who wants samples of these types from a slot: evaluators of its machine, then of the field."""

@@ -130,7 +130,7 @@ class ColumnMap:
     beside: dict[str, Column] = field(default_factory=dict)
     header: tuple[str, ...] = ()
 
-    def told(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """What was taken for what, as plain data: `columns` and `not_used`."""
         taken = {k: {"column": c.column, "unit": c.unit, "unit_by": c.by} for k, c in self.columns.items()}
         beside = {
@@ -318,11 +318,11 @@ _ENDS = sorted(
 )
 
 
-TOLD = ("column", "is", "unit", "unit by")
+COLUMN_HEAD = ("column", "is", "unit", "unit by")
 
 
-def told_rows(source: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
-    """Rows under TOLD of `ColumnMap.told`: what was taken for what, then what was not used."""
+def column_rows(source: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
+    """Rows under COLUMN_HEAD of `ColumnMap.summary`: what was taken for what, then what was not used."""
     plain = [
         (c["column"], key, *((c["unit"], c["unit_by"]) if c["unit"] not in ("text", "1") else ("", "")))
         for key, c in source["columns"].items()

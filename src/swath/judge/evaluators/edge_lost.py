@@ -32,7 +32,7 @@ class EdgeLost(Later):
         Metric("edge_lost_s", "s", "time without an edge in all those times", GROUP, "lower",
                "edge lost, time", "", 1),
         Metric("edge_lost_m", "m", "way driven without an edge in all those times", GROUP, "lower",
-               "edge lost, way", "", 1),
+               "edge lost, distance", "", 1),
     )  # fmt: skip
     EVENTS = ("edge_lost",)
 

@@ -32,7 +32,7 @@ class LeftField(Later):
         Metric("left_the_field_count", "", "times that the whole header left the field", GROUP, "lower",
                "left the field, times", "", 0),
         Metric("left_the_field_m", "m", "way driven with the whole header outside the field", GROUP, "lower",
-               "left the field, way", "", 1),
+               "left the field, distance", "", 1),
     )  # fmt: skip
     EVENTS = ("left_the_field", "edge_end")
 

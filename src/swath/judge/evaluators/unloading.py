@@ -115,9 +115,9 @@ class Unloading(Later):
         """Keep the newest; judge at every sample of a pipe."""
         known = [block for block in seen.blocks if issubclass(block.kind, self.SIGNALS)]
         carriers = [block for block in known if issubclass(block.kind, (MachineState, TrailerState))]
-        told = [block for block in known if block not in carriers]
-        for order, place, k in sorted((o, i, k) for i, b in enumerate(told) for k, o in enumerate(b.orders)):
-            name, signal = told[place].slot.partition(".")[0], told[place].sample(k)
+        sent = [block for block in known if block not in carriers]
+        for order, place, k in sorted((o, i, k) for i, b in enumerate(sent) for k, o in enumerate(b.orders)):
+            name, signal = sent[place].slot.partition(".")[0], sent[place].sample(k)
             self._latest[name, type(signal)] = signal
             if isinstance(signal, HeapState):
                 self._keep(name, signal)

@@ -73,7 +73,7 @@ class IsobusMachine(RunHook):
 
     def summarize(self, t: int) -> dict[str, Any]:
         """How many frames were sent, and what became of the task controller."""
-        received = [] if self._client is None else self._client.told
+        received = [] if self._client is None else self._client.events
         return {"isobus": {"frames": self.count, "task_controller": list(received)}}
 
     def close(self) -> None:

@@ -80,7 +80,7 @@ class TaskClient:
     heard_at: int = 0
     status_due: int = 0
     reports: dict[tuple[int, int], _Report] = field(default_factory=dict)
-    told: list[str] = field(default_factory=list)
+    events: list[str] = field(default_factory=list)
     refused: bool = False
 
     @property
@@ -193,7 +193,7 @@ class TaskClient:
 
     def _activated(self) -> None:
         self.state = "active"
-        self.told.append(f"the task controller {self.controller} has taken the description")
+        self.events.append(f"the task controller {self.controller} has taken the description")
 
     def _go_on(self, error: int, what: str, then: Callable[[], None]) -> None:
         if error == 0:
@@ -203,7 +203,7 @@ class TaskClient:
             self._back(f"the task controller {self.controller} refused {what}, error {error}")
 
     def _back(self, why: str) -> None:
-        self.told.append(why)
+        self.events.append(why)
         self.state = "waiting"
         self.reports.clear()
 

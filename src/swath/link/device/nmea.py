@@ -30,7 +30,7 @@ RMC_MODE = "NADFR"
 LONGEST = 4096  # bytes without an end of line
 MOST_WORDS = 15  # of a sentence that is read
 
-Told = dict[str, Any]  # fields of an Epoch
+Fields = dict[str, Any]  # fields of an Epoch
 
 
 def utc_of(text: str) -> datetime:
@@ -297,7 +297,7 @@ def _read_height(text: str, unit: str) -> float:
     return _read(text, factor)
 
 
-def _read_place(words: Sequence[str]) -> Told:
+def _read_place(words: Sequence[str]) -> Fields:
     """Latitude, longitude, quality, satellites and HDOP. Without satellites there is no fix."""
     latitude, longitude = _read_angle(words[1], words[2]), _read_angle(words[3], words[4])
     quality, used = FIX_QUALITY.get(int(words[5] or 0), 0), int(words[6] or -1)
@@ -306,25 +306,25 @@ def _read_place(words: Sequence[str]) -> Told:
     return {**fields, "hdop": _read(words[7])}
 
 
-def _read_gga(epoch: Epoch, words: Sequence[str]) -> Told:
+def _read_gga(epoch: Epoch, words: Sequence[str]) -> Fields:
     height = _read_height(words[8], words[9]) + _read_height(words[10], words[11])
     return {**_read_place(words), "height": height, "age": _read(words[12])}
 
 
-def _read_vtg(epoch: Epoch, words: Sequence[str]) -> Told:
+def _read_vtg(epoch: Epoch, words: Sequence[str]) -> Fields:
     if words[8] == "N":
         return {}
     speed = _read(words[6], 1.0 / 3.6) if words[6] else _read(words[4], KNOT)
     return {"course": math.radians(_read(words[0])), "speed": speed}
 
 
-def _read_rmc(epoch: Epoch, words: Sequence[str]) -> Told:
+def _read_rmc(epoch: Epoch, words: Sequence[str]) -> Fields:
     if words[1] != "A" or not math.isnan(epoch.speed):
         return {}
     return {"speed": _read(words[6], KNOT), "course": math.radians(_read(words[7]))}
 
 
-def _read_gst(epoch: Epoch, words: Sequence[str]) -> Told:
+def _read_gst(epoch: Epoch, words: Sequence[str]) -> Fields:
     north, east = _read(words[5]), _read(words[6])
     return {
         "horizontal_sd": math.sqrt(0.5 * (north * north + east * east)),
@@ -332,22 +332,22 @@ def _read_gst(epoch: Epoch, words: Sequence[str]) -> Told:
     }
 
 
-def _read_heading(epoch: Epoch, words: Sequence[str]) -> Told:
+def _read_heading(epoch: Epoch, words: Sequence[str]) -> Fields:
     return {} if words[1] == "V" else {"heading": math.radians(_read(words[0]))}
 
 
-def _read_panda(epoch: Epoch, words: Sequence[str]) -> Told:
+def _read_panda(epoch: Epoch, words: Sequence[str]) -> Fields:
     fields = {"height": _read(words[8]), "age": _read(words[9]), "speed": _read(words[10], KNOT)}
     return {**_read_place(words), **fields}
 
 
-def _read_paogi(epoch: Epoch, words: Sequence[str]) -> Told:
+def _read_paogi(epoch: Epoch, words: Sequence[str]) -> Fields:
     heading, roll, pitch = (math.radians(_read(word)) for word in words[11:14])
     return {**_read_panda(epoch, words), "heading": heading, "roll": roll, "pitch": -pitch}
 
 
 UNTIMED = ("VTG", "HDT", "THS")
-READERS: dict[str, tuple[int, Callable[[Epoch, Sequence[str]], Told]]] = {
+READERS: dict[str, tuple[int, Callable[[Epoch, Sequence[str]], Fields]]] = {
     "GGA": (14, _read_gga), "VTG": (8, _read_vtg), "RMC": (11, _read_rmc), "GST": (8, _read_gst),
     "HDT": (2, _read_heading), "THS": (2, _read_heading), "PANDA": (15, _read_panda),
     "PAOGI": (15, _read_paogi),

@@ -80,7 +80,7 @@ class ChildProcess:
             self._launch()
             self._ask("make", *self._spec, folder, doing="being loaded", extra_s=START_TIMEOUT_S)
         found: list[float] = self._ask("start", dict(starts), doing="initialising", extra_s=START_TIMEOUT_S)
-        for note in self._ask("told", doing="being asked"):
+        for note in self._ask("all_notes", doing="being asked"):
             self._note(note)
         return found
 

@@ -161,7 +161,7 @@ class Instance(ABC):
     @abstractmethod
     def _advance(self, t: float, h: float, inputs: Numbers) -> None: ...
 
-    def told(self) -> list[str]:
+    def all_notes(self) -> list[str]:
         """The notes."""
         return [*self.notes]
 

@@ -37,7 +37,7 @@ LOOKED_AT = 200  # echoes of a scan
 NO_CROP = (Organ.NONE, Organ.GROUND, Organ.STRAW, Organ.STUBBLE, Organ.SOLID)
 IS_CROP = ~np.isin(list(Organ), NO_CROP)  # by organ
 # Of each axis of a table, in a note: how beams met what they met, and its name.
-TOLD = (("with a stem density", "density"), ("with a height", "height"),
+AXIS_WORDS = (("with a stem density", "density"), ("with a height", "height"),
         ("at an angle to the ground", "angle"), ("with a spot diameter", "diameter"))  # fmt: skip
 QUANTITIES = ("stems_per_m2", "crop_height_m", "depression_deg", "spot_mm")  # of a run, of each axis
 COMPARED = {"wheat": (120.0, 600.0), "barley": (400.0, 550.0), "rye": (250.0, 300.0), "rape": (40.0, 50.0)}
@@ -139,7 +139,7 @@ class TableLidar(InWorlds, ScanningLidar):
         for k, (what, grid) in enumerate((("crop", self.table.standing), ("stubble", self.table.stubble))):
             for axis, (key, (low, high)) in enumerate(valid_range(grid).items()):
                 if new >> (len(AXES) * k + axis) & 1:
-                    how, name = TOLD[axis]
+                    how, name = AXIS_WORDS[axis]
                     unit = key.rpartition("_")[2] if axis else "per m2"
                     met = f"some beams met {what} {how} outside {low:g} to {high:g} {unit}"
                     used = f"the range of its table: the nearest {name} in it was used"

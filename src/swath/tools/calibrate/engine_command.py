@@ -41,7 +41,7 @@ def run_engine_fit(args: argparse.Namespace) -> int:
 
     from swath.core.errors import InputError
     from swath.documents.yaml_document import dump
-    from swath.field_io.logs.columns import TOLD, told_rows
+    from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
     from swath.field_io.logs.machine_log import read_machine_log
     from swath.machine.machine_sheet import open_machine
     from swath.terminal.tables import number, table
@@ -80,7 +80,7 @@ def run_engine_fit(args: argparse.Namespace) -> int:
     table("as given", head, _rows(made.before))
     table("fitted on all machines", head, _rows(made.after))
     table("each machine predicted by numbers fitted on the others", head, _rows(made.left_out))
-    table("columns", TOLD, told_rows(log.column_map.told()))
+    table("columns", COLUMN_HEAD, column_rows(log.column_map.summary()))
     if args.out is not None:
         write_whole(args.out, dump(made.sheet.document.data, width=110))
         print(args.out)

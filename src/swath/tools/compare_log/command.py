@@ -68,7 +68,7 @@ def run_log(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swath.core.errors import InputError
-    from swath.field_io.logs.columns import TOLD, told_rows
+    from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
     from swath.field_io.logs.steer_log import is_steer_log
     from swath.terminal.tables import number, table
     from swath.tools.compare_log.compare import Drive, compare_log
@@ -98,7 +98,7 @@ def run_log(args: argparse.Namespace) -> int:
         table(f"fitted on {made.fitted_on}", ("key", "start", "fitted", "error", "unit"), rows)
     head = ("quantity", "records", "model", "count", "R2", "RMSE", "bias", "r", "lag s")
     table(f"{made.model} against {made.log_name}", head, statistic_rows(made))
-    table("columns", TOLD, told_rows(made.log.column_map.told()))
+    table("columns", COLUMN_HEAD, column_rows(made.log.column_map.summary()))
     console = Console(highlight=False)
     for note in made.log.notes:
         console.print(f"note: {note}", markup=False)
@@ -116,7 +116,7 @@ def _run_steering(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swath.core.errors import InputError
-    from swath.field_io.logs.columns import TOLD, told_rows
+    from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
     from swath.terminal.tables import table
     from swath.tools.compare_log.steering_fit import compare_steering
     from swath.tools.compare_log.steering_page import fitted_rows, left_rows, write_steering
@@ -136,7 +136,7 @@ def _run_steering(args: argparse.Namespace) -> int:
     table(f"{made.model} by {made.log_name}", head, fitted_rows(made))
     columns = ("part", "compared with", "passes", "RMSE, data sheet", "fitted", "predicted", "unit")
     table("what is left", columns, left_rows(made))
-    table("columns", TOLD, told_rows(made.log.column_map.told()))
+    table("columns", COLUMN_HEAD, column_rows(made.log.column_map.summary()))
     console = Console(highlight=False)
     for note in made.notes:
         console.print(f"note: {note}", markup=False)

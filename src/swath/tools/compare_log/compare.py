@@ -189,7 +189,7 @@ class _Ground:
     """Takes the straw and forgets it: a log has no field, and its crop is the machine's."""
 
     stand = SimpleNamespace(crop="")
-    moisture = Moisture()
+    moisture, soil = Moisture(), None  # firm
 
     def deposit_straw(self, polygon: Any, mass: float, /, *, heading: float | None = None) -> None:
         """Nothing to do."""
@@ -340,7 +340,7 @@ class LogComparison:
             },
             "plain_coefficients": self.coefficients,
             "notes": list(self.log.notes),
-            **self.log.column_map.told(),
+            **self.log.column_map.summary(),
         }
 
 

@@ -450,7 +450,7 @@ class SteeringComparison:
         series = ("measured", "before", "after")
         parts = {p.name: {k: v for k, v in asdict(p).items() if k not in series} for p in self.parts}
         return {"model": self.model, "log": self.log_name, "parts": parts, "notes": list(self.notes),
-                **self.log.column_map.told()}  # fmt: skip
+                **self.log.column_map.summary()}  # fmt: skip
 
 
 def compare_steering(

@@ -55,7 +55,7 @@ def find_cheaper(
     runs: int = 4,
     within: float = WITHIN,
     sets: Sequence[str] = (),
-    told: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> Cheaper:
     """Try other levels in a case.
 
@@ -69,7 +69,7 @@ def find_cheaper(
         Difference of a limited number that still agrees, over the size of its limit.
     sets : sequence of str
         Changes of the scenario, as after `--set`.
-    told : callable
+    progress : callable
         Gets a line before each trial.
 
     Returns
@@ -86,7 +86,7 @@ def find_cheaper(
         raise InputError("--runs" if runs < 1 else "--within", min(runs, within), "expected more than that")
     plan = Plan(source, sets=tuple(sets))
     planned = sorted(plan.runs(), key=lambda run: run.seed)[:runs]
-    told("as it is")
+    progress("as it is")
     _done(planned[:1], ())  # the first one loads what all use
     before = _done(planned, ())
     if broken := next((r for r in before if r["verdict"] == "error"), None):
@@ -94,14 +94,14 @@ def find_cheaper(
     base = Tried((), _time(before), len(before))
     tried = []
     for change in _changes(planned[0]):
-        told(change)
+        progress(change)
         tried.append(_against(before, planned, (change,), within))
     kept = [t for t in tried if not t.why and 1.0 - t.cpu_s / base.cpu_s > LEAST_SAVED]
     best = {t.sets[0].partition("=")[0]: t for t in sorted(kept, key=lambda t: -t.cpu_s)}
     chosen = sorted(best.values(), key=lambda t: t.cpu_s)
     together = base
     while chosen:
-        told("together: " + " ".join(t.sets[0] for t in chosen))
+        progress("together: " + " ".join(t.sets[0] for t in chosen))
         together = _against(before, planned, tuple(t.sets[0] for t in chosen), within)
         if not together.why:
             break

@@ -22,10 +22,10 @@ def _levels(args: argparse.Namespace) -> int:
     from swath.terminal.tables import say, table
     from swath.tools.function_test.cheaper import find_cheaper
 
-    def told(text: str) -> None:
+    def progress(text: str) -> None:
         print(f"trying  {text}", flush=True)
 
-    found = find_cheaper(args.case, runs=args.runs, within=args.within, sets=args.sets, told=told)
+    found = find_cheaper(args.case, runs=args.runs, within=args.within, sets=args.sets, progress=progress)
     rows = [
         (tried.sets[0], tried.why or "agrees", f"{tried.apart:.2f}", f"{100.0 * found.saved(tried):.0f} %")
         for tried in found.tried

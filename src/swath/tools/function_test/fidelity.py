@@ -96,6 +96,6 @@ def levels_of(scenario: Scenario, kind: str = "edge") -> dict[str, str]:
     }
 
 
-def told(reasons: Mapping[tuple[str, str], int]) -> list[str]:
+def reason_lines(reasons: Mapping[tuple[str, str], int]) -> list[str]:
     """A line for each case that is judged at the dear level, with how many of its runs."""
     return [f"{case}: {count} runs at {DEAR}: {why}" for (case, why), count in reasons.items()]

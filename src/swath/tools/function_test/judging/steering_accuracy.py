@@ -59,9 +59,9 @@ def pooled(runs: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return {"classes": [[a, n] for a, n in sorted(classes.items())], "squares": fsum(squares)}
 
 
-def accuracy(told: Mapping[str, Any]) -> tuple[float, int] | None:
+def accuracy(counts: Mapping[str, Any]) -> tuple[float, int] | None:
     """Root mean square [m], and the upper end [cm] of the class up to which 95 % lie; None of nothing."""
-    classes: Sequence[Sequence[int]] = told["classes"]
+    classes: Sequence[Sequence[int]] = counts["classes"]
     count = sum(n for _, n in classes)
     if not count:
         return None
@@ -69,5 +69,5 @@ def accuracy(told: Mapping[str, Any]) -> tuple[float, int] | None:
     for number, n in classes:
         within += n
         if within >= HELD * count:
-            return sqrt(told["squares"] / count), number + 1
+            return sqrt(counts["squares"] / count), number + 1
     raise AssertionError("classes hold all steps")
