@@ -13,6 +13,7 @@ from swath.field.light import light as clear_light
 from swath.field.maps.projection import Origin
 from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Organ, Solids
+from swath.field.plume import Puffs, extinction_at
 from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solid.obstacles import SheetObstacle, things_of
 from swath.field.solid.solids import mesh
@@ -207,6 +208,29 @@ def test_dust_takes_light_as_koschmieder_says(extinction):
         np.testing.assert_allclose(after, left * before + (1 - left) * horizon, rtol=0.02, atol=2e-3)
     with pytest.raises(InputError, match=r"near_returns = 1\.0: expected 0 for a camera"):
         rays.RaysCamera(rays.Params(weather=Weather(near_returns=1.0)), setup)
+
+
+def test_dust_of_a_machine_dims_each_pixel_by_what_lies_before_it():
+    """Puffs of 3 m before a wall 12 m away: along each ray the sum of their Gaussians, in steps of 1 cm."""
+    setup = site(wall=wall(12.0, -30.0, 30.0, z1=30.0))
+    puffs = Puffs("C", start=3.0)
+    puffs.emit((1.0, 6.0, 1.5), 2.0)
+    params = {"width_px": 40, "height_px": 30, "mount": MOUNT, "texture": False, "channels": ("colour",)}
+    made = rays.RaysCamera(rays.Params(**params), setup)
+    before = linear(made.image_from(10**9, made.optical).colour)
+    setup.field.plumes["combine"] = puffs
+    after = linear(made.image_from(10**9, made.optical).colour)
+    setup.field.plumes.clear()
+    ways = made.optical.turn(made.pinhole.rays())
+    day = Daylight(USUAL_SUN, 0.0)
+    for row, column in ((15, 20), (3, 37), (26, 11)):
+        way = ways[row, column]
+        length = min((12.0 - made.optical.position[1]) / way[1], 1.5 / max(-way[2], 1e-9))
+        places = made.optical.position + np.arange(0.005, length, 0.01)[:, None] * way
+        left = np.exp(-0.01 * extinction_at(puffs.packed(), places).sum())
+        assert left < 0.8
+        wanted = left * before[row, column] + (1 - left) * day.sky_at(way * [1, 1, 0])
+        np.testing.assert_allclose(after[row, column], np.minimum(wanted, 1.0), rtol=0.03, atol=4e-3)
 
 
 @pytest.mark.parametrize("z", [2.0, 5.0, 9.0])

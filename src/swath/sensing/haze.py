@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.field.field import Field
@@ -34,11 +35,14 @@ class Haze:
     depths: F64
     local: F64
 
-    def depth(self, distance: F64) -> F64:
-        """Optical depth of one way to distances (n, s) [m], beyond the last step as in it; nan stays nan."""
+    def depth(self, distance: F64, beam: NDArray[np.int64] | None = None) -> F64:
+        """Optical depth of one way to distances [m], beyond the last step as in it; nan is no way at all.
+
+        beam: of each distance, in its shape; None = distances are (n, s)
+        """
         place = np.nan_to_num(distance) / self.step
         k = np.minimum(place.astype(np.int64), self.depths.shape[1] - 1)
-        rows = np.arange(len(distance))[:, None]
+        rows = np.arange(len(distance))[:, None] if beam is None else beam
         return np.asarray(self.depths[rows, k] - (k + 1 - place) * self.step * self.local[rows, k])
 
     def echo(self, nearest: float, lidar_ratio: float) -> tuple[F64, F64]:

@@ -27,6 +27,7 @@ from swath.rays.hits import Hits
 from swath.sensing.camera.instances import Instances
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.shading import Daylight, linear, organ_colours
+from swath.sensing.haze import haze_along
 from swath.signals import F64
 
 GRAIN = 64  # what a point is made of, beside the organs: grain in an open box
@@ -69,6 +70,8 @@ CANOPY = (164, 149, 96)  # mean colour of crop too far away for rays, in the sun
 CANOPY_COSINE = 0.6  # of its parts to the sun, on average, shadows counted as 0; own choice
 CLEAR_AIR = 2e-4  # extinction of clear air, visibility 20 km [1/m]: for what is beyond the reach of rays
 DUST_LAYER = 10.0  # dust and rain are looked through so high above the camera [m], own choice
+DUST_APART = 8  # samples between two rays along which dust is looked through
+DUST_REACH, DUST_STEP = 120.0, 1.5  # how far dust of machines is looked for, and in what steps [m]
 FAR = 2000.0  # the ground beyond the reach ends here [m]
 
 
@@ -120,7 +123,7 @@ class Lighting:
         points = starts[seen] + distance[:, None] * directions[seen]
         colours = self._surface(hits, seen, points, distance, things)
         light[seen] = colours * day.on(self._shared_cosine(seen, points, things.solids, caster, t))
-        if self.setup.extinction > 0.0:
+        if self.setup.extinction > 0.0 or self._is_dusty:
             self._through_air(light, hits, starts, directions)
         return light
 
@@ -190,9 +193,40 @@ class Lighting:
         level = np.concatenate([directions[..., :2], np.zeros_like(directions[..., 2:])], axis=-1)
         up = np.maximum(directions[..., 2], 1e-6)
         path = np.where(hits.is_hit, hits.distance, np.minimum(DUST_LAYER / up, FAR)).astype(np.float64)
-        clear = portable.exp(-self.setup.extinction * path)[..., None]
+        depth = self.setup.extinction * path
+        if self._is_dusty:
+            depth += self._plumes(starts, directions, np.minimum(path, DUST_REACH))
+        clear = portable.exp(-depth)[..., None]
         light *= clear
         light += (1.0 - clear) * self.setup.day.sky_at(level)
+
+    @property
+    def _is_dusty(self) -> bool:
+        return any(len(puffs.rows) for puffs in self._field.plumes.values())
+
+    def _plumes(self, starts: F64, directions: F64, path: F64) -> F64:
+        """Optical depth of the dust of machines on paths (rows, columns) [m]: along every DUST_APART-th ray,
+        linear between them.
+        """
+        kept, before, share = [], [], []
+        for size in path.shape:
+            at = np.unique(np.append(np.arange(0, size, DUST_APART), size - 1))
+            k = np.clip(np.searchsorted(at, np.arange(size), "right") - 1, 0, max(len(at) - 2, 0))
+            kept.append(at)
+            before.append(k)
+            apart = at[np.minimum(k + 1, len(at) - 1)] - at[k]
+            share.append((np.arange(size) - at[k]) / np.maximum(apart, 1))
+        i, j = np.ix_(*kept)
+        rays = starts[i, j].reshape(-1, 3), directions[i, j].reshape(-1, 3)
+        haze = haze_along(self._field, *rays, 0.0, DUST_REACH, DUST_STEP)
+        (rows, columns), (down, right) = np.ix_(*before), np.ix_(*share)
+        depth, across = np.zeros(path.shape), len(kept[1])
+        for more_down, weight_down in ((0, 1.0 - down), (1, down)):
+            for more_right, weight_right in ((0, 1.0 - right), (1, right)):
+                row = np.minimum(rows + more_down, len(kept[0]) - 1)
+                column = np.minimum(columns + more_right, across - 1)
+                depth += weight_down * weight_right * haze.depth(path, row * across + column)
+        return depth
 
     def _shared_cosine(
         self, seen: NDArray[np.bool_], points: F64, solids: Solids, caster: RayCaster, t: int
