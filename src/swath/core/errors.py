@@ -41,8 +41,8 @@ class InputError(SwathError):
 
     Reads `key = value: expected what (file:line)`, one line; parts that are unknown are left out, and each is
     shortened to its share of LONGEST; of a list of names those nearest to the value stay. others: what else
-    is wrong in the same document, in the order found. Of another such error it is a copy: so pools of
-    processes raise anew what a worker raised.
+    is wrong in the same document, in the order found. Made of another InputError it is a copy of it:
+    pools of processes raise anew what a worker raised.
     """
 
     others: "tuple[InputError, ...]" = ()

@@ -1,9 +1,10 @@
 """The slots that a machine may have: which packages hold their levels, how often they run, what feeds them.
 
 The order here is the order within one tick. A slot of a machine is an instance of a kind: `lidar`, or, where
-a machine has several, `lidar_left` and `lidar_right`. Wires are by the name of the input port; a level
-connects those of its kind's list whose port it has, an optional one only where the level at the other end
-gives it; a scenario's `wires:` override them. Which slots a machine has unasked: `machine_types.py`.
+a machine has several, `lidar_left` and `lidar_right`. Each kind lists wires by the name of the input port. A
+level takes the wires to ports that it has; one to an optional port is left out where the level at the other
+end does not send it. A scenario's `wires:` override them. Which slots a machine has unasked:
+`machine_types.py`.
 
 `CATALOGUE` is what a scenario may choose from: the levels of every slot, and the parts of a field.
 """
@@ -67,8 +68,8 @@ class SlotKind:
     packages: where its levels lie
     level: the default one
     rate_hz: the default rate
-    outputs: ports that every level of it has
-    more: that some levels have
+    outputs: output ports that every level of it has
+    more: output ports that some of its levels have
     wires: input port -> (slot kind, output port) of the same machine
     is_control: knows the geometry of the machine, never the truth
     is_plural: a machine may have several of it, each named `kind_something`

@@ -47,7 +47,7 @@ Asked = TypeVar("Asked")
 
 @dataclass(frozen=True)
 class Session:
-    """A plan in its folder. first: of its runs, those before are of earlier rounds."""
+    """A plan in its folder. first: number of its first run; runs before it are of earlier rounds."""
 
     folder: Path
     plan: Plan
@@ -59,7 +59,7 @@ class Session:
         return self.folder / JOURNALS
 
     def write(self) -> None:
-        """Write down the plan, behind the rounds before, and what its runs are called."""
+        """Write the plan, and append the names of its runs to those of earlier rounds."""
         import pyarrow as pa
 
         file = own_folder(self.journals) / RUNS
@@ -210,7 +210,7 @@ def _rows(file: Path, first: int, end: int | None) -> Iterator[dict[str, Any]]:
 
 
 def _key(about: Result) -> str:
-    """What a run is, whatever it is called."""
+    """What identifies a run, apart from its name."""
     return json.dumps([about[name] for name in ("case", "candidate", "point", "seed")], sort_keys=True)
 
 
@@ -240,7 +240,7 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
 
 
 def claim_folder(file: Path, asked: Any, what: str) -> None:
-    """Make a folder that of a search or estimate, by the file with what is asked.
+    """Take a folder for a search or an estimate, and write into it the file that says what is asked.
 
     InputError where it holds another one. what: in words
     """
@@ -276,7 +276,7 @@ def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
 
 
 def _as_asked(text: str) -> str:
-    """A plan without the limits of its cases and the contents of its files: others are another version."""
+    """A plan without what only makes another version of it: limits of its cases, contents of its files."""
     try:
         data: dict[str, Any] = json.loads(text)
     except ValueError:

@@ -62,7 +62,7 @@ def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> P
 
 
 def _values(grid: HeightGrid, tiles: Any, levels: Any) -> tuple[Array, Array, Array]:
-    """Counts, and heights [m] at two levels of the cells of some tiles, thinned where there are many."""
+    """Of the cells of some tiles, thinned where there are many: counts, and heights [m] at two quantiles."""
     table = grid.table[tiles]
     thin = max(1, -(-max(table.shape) * TILE // PIXELS))
     step = min(1 << (thin - 1).bit_length(), TILE)

@@ -84,7 +84,8 @@ def placed(source: Source, echoes: Echoes, frame: Frame, lattice: Array) -> Plac
 def left_above(source: Source, echoes: Echoes, frame: Frame, lattice: Array, top: float) -> Placed:
     """Beams without echo that got above everything, `top` over the ground [m], within the range known to be.
 
-    free: where they did. Of one that should have met the ground nobody knows what became of it.
+    Their ends are placed where they left the crop. Beams without echo that point at the ground are left out:
+    nobody knows what became of them.
     """
     place, rotation, known = source.track.at(echoes.silent_time)
     mounting = echoes.mounting or source.mounting

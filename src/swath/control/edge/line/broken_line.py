@@ -1,9 +1,9 @@
 """Where an edge goes on that broke off: along the line or the bend that its last blocks show.
 
 The blocks just before a break were already wrong: rays see into a hole before the middle of their block is
-there. How many were, and whether the edge bends, says what explains all blocks best: an edge that begins to
-bend, or ends to, once at most, and behind it blocks that show something else. Either costs the logarithm of
-how seldom it comes.
+there. Several explanations are compared: how many of the last blocks were wrong, and whether the edge
+begins or ends to bend, once at most. Each costs the logarithm of its probability; how well it fits the blocks
+counts for it.
 """
 
 from dataclasses import replace
@@ -28,8 +28,8 @@ APART = 2  # blocks from one place where the bend may change to the next
 def carried_on(rows: F64, arc: Arc, scatter: float) -> tuple[Arc, float]:
     """The track as it goes on from its place, and the distance along the edge behind which it breaks off [m].
 
-    The mean of all that may be, by their chances. rows: of `EdgePoints`; scatter: of blocks about the track,
-    beyond their own variance [m2]
+    The result is the mean of all explanations by their likelihood. rows: of `EdgePoints`; scatter: of
+    blocks about the track, beyond their own variance [m2]
     """
     used = last_of(rows, arc.distance, STRETCH)
     (one, along, _), beside = seen_from(used, arc, arc.angle)
@@ -64,6 +64,6 @@ def carried_on(rows: F64, arc: Arc, scatter: float) -> tuple[Arc, float]:
 
 
 def _changes(t: F64) -> list[tuple[int, float, bool]]:
-    """(how often the bend changes, where along the track [m], whether it begins there)."""
+    """The explanations: (changes of the bend, where along the track [m], whether a bend begins there)."""
     places = t[:-APART:APART].tolist()
     return [(0, 0.0, True), *((1, at, True) for at in places), *((2, at, False) for at in places)]
