@@ -35,6 +35,7 @@ from swath.field.plume import Puffs
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.weather import SiteWeather
+from swath.field.wetness import by_weather
 from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
@@ -80,7 +81,8 @@ class Field:
         self.edges: Edges = edges
         self.library = library
         self.stand_yaw = float(stand.row_heading)
-        self.moisture: Moisture = getattr(stand, "moisture", Moisture())
+        said: Moisture = getattr(stand, "moisture", Moisture())
+        self.moisture, self.film = by_weather(said, weather, crop_height)
         self.weather = weather
         self.plumes: dict[str, Puffs] = {}  # by machine
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw, weather)

@@ -1,7 +1,7 @@
 """Water in the grain and the straw of a stand, a number or by the hour."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Le, MinLen
@@ -13,6 +13,7 @@ from swath.core.units import PERCENT
 Percent = Annotated[float, Ge(0.0), Le(80.0)]
 Hour = Annotated[float, Ge(0.0), Le(24.0)]
 ByHour = Percent | Annotated[tuple[tuple[Hour, Percent], ...], MinLen(1)]
+FromWeather = ByHour | Literal["weather"]
 DAY, HOUR = 24.0, 3600.0  # [h], [s]
 
 
@@ -22,12 +23,13 @@ class Moisture:
 
     grain_moisture_percent: water in the grain, share of the wet mass; a number, or pairs of hour of the day
         and percent, linear between them
-    straw_moisture_percent: water in the straw, likewise; 25 at dew and 11 at noon are usual, an estimate
+    straw_moisture_percent: water in the straw, likewise; 25 at dew and 11 at noon are usual, an estimate;
+        `weather`: dew, rain and drying by field.weather
     start_hour: time of day at the start of the run, for what goes by the hour
     """
 
     grain_moisture_percent: ByHour = 14.0
-    straw_moisture_percent: ByHour = 12.0
+    straw_moisture_percent: FromWeather = 12.0
     start_hour: Hour = 12.0
 
     def __post_init__(self) -> None:
@@ -46,7 +48,9 @@ class Moisture:
         }
 
 
-def _percent(given: ByHour, hour: float) -> float:
+def _percent(given: FromWeather, hour: float) -> float:
+    if isinstance(given, str):
+        raise InputError("straw_moisture_percent", given, "expected a field with weather")
     if not isinstance(given, tuple):
         return given
     hours, percents = np.array(given).T

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from swath.core import portable
 from swath.field.field import Field
 from swath.field.memory_layout import Organ, Solids
+from swath.field.wetness import darkened
 from swath.rays.device import ThreadPool, start_warp
 from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
@@ -86,6 +87,7 @@ class LightSetup:
     pixel_angle [rad]: of a pixel in the middle
     seed: of the texture
     photo: laid onto the ground
+    film: share of the plants that water covers
     """
 
     day: Daylight
@@ -98,6 +100,7 @@ class LightSetup:
     pixel_angle: float
     seed: int
     photo: Orthophoto | None = None
+    film: float = 0.0
 
 
 class Lighting:
@@ -142,6 +145,9 @@ class Lighting:
         """Linear colour of what was hit (n, 3)."""
         organ = hits.organ[seen]
         colours = self._colours[organ]
+        if self.setup.film > 0.0:
+            plants = (organ != Organ.GROUND) & (organ != Organ.SOLID)
+            colours[plants] = darkened(colours[plants], self.setup.film)
         is_solid = organ == Organ.SOLID
         if is_solid.any():
             colours[is_solid] = things.colours[things.part(hits)[seen][is_solid]]

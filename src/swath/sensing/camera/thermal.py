@@ -4,14 +4,10 @@ Surfaces are in balance with what they take in, without a memory of the hour bef
 
     Ts - Ta = ((1 - g) (a S + e (L - s Ta^4)) + q) / (rho cp / ra + 4 e s Ta^3)
 
-S sun and sky on the surface, a, e what it absorbs of them and at 8 to 14 um, L radiation of the sky, g the
-share of the net radiation that goes into the ground or evaporates, q = (Tskin - Ts) / R of a living thing
-through fur or clothes of insulation R. ra of a stand of height h is that of FAO Irrigation and Drainage Paper
-56, eq. 4, wind 2 m above it, at least 0.5 m/s; of a body 8.3 u^0.6 W/m2K (ASHRAE Handbook Fundamentals).
-
-- Sun and sky: `field/light.py`.
-- Sky: L = 1.24 (v / T)^(1/7) s T^4, v vapour in hPa (Brutsaert 1975, doi:10.1029/WR011i005p00742); clouds
-  fill up n^2 of what is left to a black body (estimate).
+S sun and sky on the surface (`field/light.py`), a, e what it absorbs of them and at 8 to 14 um, L, ra
+radiation of the sky and resistance of the air (`field/heat.py`), g the share of the net radiation that goes
+into the ground or evaporates, q = (Tskin - Ts) / R of a living thing through fur or clothes of insulation R;
+from a body 8.3 u^0.6 W/m2K go to the air (ASHRAE Handbook Fundamentals).
 
 None of these papers was read here, numbers of surfaces are estimates, no picture of a field was compared.
 
@@ -22,7 +18,7 @@ in 0.01 K, `colour` the same from cold (black) to warm (white), each picture bet
 
 from dataclasses import dataclass, replace
 from functools import cache
-from math import exp, log, sin, sqrt
+from math import sin, sqrt
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -34,6 +30,7 @@ from swath.core.frames import Pose
 from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
+from swath.field.heat import BOLTZMANN, HEAT, resistance, sky_radiation, wind_of
 from swath.field.light import light
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
@@ -43,11 +40,8 @@ from swath.sensing.camera.rays import Channel, SceneCamera, Sight, cells, pinhol
 from swath.sensing.camera.rays import Params as PinholeParams
 from swath.signals import F64
 
-BOLTZMANN = 5.670374419e-8  # [W/m2K4]
 FIRST, SECOND = 3.741771852e-16, 1.438776877e-2  # radiation constants [W m2, m K]
 BAND = 8e-6, 14e-6  # [m]
-HEAT = 1.2 * 1005.0  # of air, density times heat capacity [J/m3K]
-KARMAN, CALM = 0.41, 0.5  # least wind [m/s]: FAO 56
 CENTIKELVIN = 100.0  # counts per kelvin of `raw`
 # absorbed of sunlight, emissivity at 8 to 14 um, share of the net radiation that goes elsewhere: estimates
 DRY, SOIL, GREEN, THING = (0.65, 0.96, 0.05), (0.75, 0.94, 0.3), (0.8, 0.97, 0.7), (0.6, 0.93, 0.1)
@@ -111,21 +105,15 @@ class Balance:
 
 def balance(air: Air, elevation: float, height: float) -> Balance:
     """Balance under a sun at an elevation [rad], in a stand of a height [m]."""
-    wind, t, day = max(float(np.hypot(*air.wind)), CALM), air.temperature, light(elevation, air.cloud)
-    vapour = 6.108 * air.humidity * exp(17.27 * (t - KELVIN) / (t - 35.86))  # [hPa], FAO 56, eq. 11
-    emissivity = min(1.24 * (vapour / t) ** (1.0 / 7.0), 1.0)
-    emissivity += (1.0 - emissivity) * air.cloud**2
-    h = max(height, 0.05)
-    rough, above = 0.123 * h, 2.0 + h / 3.0
-    resistance = log(above / rough) * log(above / (0.1 * rough)) / (KARMAN**2 * wind)
+    day = light(elevation, air.cloud)
     return Balance(
         up=max(sin(elevation), 0.0),
         sun=float(day.sun[-1]),
         sky=float(day.sky[-1]),
-        down=emissivity * BOLTZMANN * t**4,
-        air=t,
-        canopy=HEAT / resistance,
-        body=8.3 * wind**0.6,
+        down=sky_radiation(air),
+        air=air.temperature,
+        canopy=HEAT / resistance(air, height),
+        body=8.3 * wind_of(air) ** 0.6,
     )
 
 

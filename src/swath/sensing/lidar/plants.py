@@ -14,7 +14,9 @@ from swath.core.component import Outputs
 from swath.core.errors import InputError
 from swath.core.portable import product
 from swath.core.registry import Checked, Level
+from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
+from swath.field.wetness import darkened
 from swath.rays.engine import RayCaster
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, merging_gap, receive
@@ -84,7 +86,11 @@ class PlantsLidar(ScanningLidar):
         self.ray_count += beams * subs
         distance = hits.distance.astype(np.float64)
         distance[distance < self.sheet.range_min] = np.nan
-        albedo = (hits.reflectance * hits.cosine).astype(np.float64)
+        reflectance = hits.reflectance
+        if self.setup.field.film is not None:
+            wet = darkened(reflectance, self.setup.field.film.at(t))
+            reflectance = np.where(hits.organ == Organ.SOLID, reflectance, wet)
+        albedo = (reflectance * hits.cosine).astype(np.float64)
         air = self.air(t, origins, axes[:, :, 0])
         if air is not None:
             distance, albedo = air.between(Bundle(distance, pattern.weight, albedo), self.receiver)

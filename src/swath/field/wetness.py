@@ -1,0 +1,112 @@
+"""Water on and in straw through a day: dew and rain come, sun and wind take them.
+
+The film on the stand [kg/m2] goes by Penman 1948 (doi:10.1098/rspa.1948.0037) without a resistance of plants:
+
+    LE = (D Rn + rho cp (es - e) / ra) / (D + g),   film' = rain - LE / L,   0 <= film <= 0.3
+
+Rn net radiation, D slope of the vapour at saturation, g = 0.66 hPa/K; LE < 0 is dew. The straw itself follows
+the humidity of the air with a lag of 1.5 h (estimate): 8 to 20 % of its dry mass at humidities of 0.12 to
+0.89, measured on maize stalks, straight on beyond. A film darkens straw of reflectance r to
+r / (n^2 (1 - r) + r), n = 1.33 (Angstrom 1925). The papers were not read here; no stand was compared.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.schedule import NS
+from swath.core.units import PERCENT
+from swath.field.heat import BOLTZMANN, HEAT, resistance, saturation, sky_radiation
+from swath.field.light import light
+from swath.field.moisture import DAY, HOUR, Moisture
+from swath.field.weather import Air, SiteWeather
+from swath.signals import F64
+
+BY_WEATHER = "weather"  # in place of a number
+LATENT = 2.45e6  # heat of evaporation [J/kg]
+PSYCHROMETRIC = 0.66  # [hPa/K]
+ABSORBED, EMISSIVITY = 0.65, 0.96  # of straw, as `sensing/camera/thermal.py`
+HELD = 0.3  # most film [kg/m2], an estimate
+STRAW = 0.6  # dry straw of the stand [kg/m2], an estimate
+LAG = 1.5 * HOUR  # of straw behind the air [s]
+STEP = 300.0  # [s]
+SQUARE_INDEX = 1.33**2  # of water
+
+
+@dataclass(frozen=True)
+class Film:
+    """Share of the straw that a film covers, by hour of the day; start: hour at which the run starts."""
+
+    hours: F64
+    shares: F64
+    start: float
+
+    def at(self, t: int) -> float:
+        """Share at a time of the run [ns]."""
+        return float(np.interp(self.start + t / NS / HOUR, self.hours, self.shares, period=DAY))
+
+
+def darkened(reflectance: Any, share: float) -> F64:
+    """Reflectances of straw, a share of which is under a film."""
+    wet = reflectance / (SQUARE_INDEX * (1.0 - reflectance) + reflectance)
+    return np.asarray((1.0 - share) * reflectance + share * wet)
+
+
+def latent_heat(air: Air, elevation: float, height: float) -> float:
+    """Heat that evaporates water from a wet stand of a height [m], < 0 = dew [W/m2]; sun at an elevation."""
+    t, net = air.temperature, ABSORBED * light(elevation, air.cloud).watts
+    net += EMISSIVITY * (sky_radiation(air) - BOLTZMANN * air.temperature**4)
+    slope = 0.5 * (saturation(t + 1.0) - saturation(t - 1.0))
+    lack = HEAT * (1.0 - air.humidity) * saturation(t) / resistance(air, height)
+    return (slope * net + lack) / (slope + PSYCHROMETRIC)
+
+
+def balance_content(humidity: float) -> float:
+    """Water over dry mass of straw that lies in air of a humidity for long."""
+    return max(0.08 + 0.12 * (humidity - 0.12) / 0.77, 0.0)
+
+
+def film_after(film: float, rain: float, latent: float, seconds: float) -> float:
+    """Film [kg/m2] after a time; rain [kg/m2s], latent [W/m2]."""
+    return min(max(film + (rain - latent / LATENT) * seconds, 0.0), HELD)
+
+
+def day_of(weather: SiteWeather, start: float, height: float) -> tuple[F64, F64, F64]:
+    """Hours of a day, film [kg/m2] and content of straw at each; start: hour of t = 0 of the run.
+
+    It is gone through twice: the first day finds what the second begins with.
+    """
+    hours = np.arange(0.0, DAY, STEP / HOUR)
+    film, content, rows = 0.0, -1.0, []
+    for hour in [*hours, *hours]:
+        t = round((float(hour) - start) * HOUR * NS)
+        air, sun = weather.at(t), weather.sun(t)
+        content = balance_content(air.humidity) if content < 0.0 else content
+        rows.append((film, content))
+        latent = latent_heat(air, -0.5 * np.pi if sun is None else sun.elevation, height)
+        film = film_after(film, air.rain / HOUR, latent, STEP)
+        content += (balance_content(air.humidity) - content) * STEP / LAG
+    films, contents = np.array(rows[len(hours) :]).T
+    return hours, films, contents
+
+
+def by_weather(
+    moisture: Moisture, weather: SiteWeather | None, height: float
+) -> tuple[Moisture, Film | None]:
+    """Moisture of a stand, of its straw that of the weather where it says so; and the film on it."""
+    if moisture.straw_moisture_percent != BY_WEATHER:
+        return moisture, None
+    key = "field.stand.straw_moisture_percent"
+    if weather is None:
+        raise InputError(key, BY_WEATHER, "expected field.weather beside it")
+    start = moisture.start_hour
+    if weather.start is not None:
+        start = weather.start.hour + weather.start.minute / 60.0
+    hours, film, content = day_of(weather, start, height)
+    water = content * STRAW + film
+    percents = (water / (STRAW + water) / PERCENT).tolist()
+    pairs = tuple(zip(hours.tolist(), percents, strict=True))
+    found = replace(moisture, straw_moisture_percent=pairs, start_hour=start)
+    return found, Film(hours, film / HELD, start)
