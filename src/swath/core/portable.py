@@ -98,10 +98,10 @@ def solve(matrix: Any, right: Any) -> Array:
                 below[j] -= share * rows[i][j]
     x = [0.0] * n
     for i in reversed(range(n)):
-        rest = rows[i][n]
+        residual = rows[i][n]
         for j in range(i + 1, n):
-            rest -= rows[i][j] * x[j]
-        x[i] = rest / rows[i][i]
+            residual -= rows[i][j] * x[j]
+        x[i] = residual / rows[i][i]
     return np.array(x)
 
 

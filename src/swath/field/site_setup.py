@@ -230,8 +230,8 @@ class Bodies:
 
     def others(self, name: str) -> Solids:
         """Solids of all machines and things that go, in the world; of this one only where it sees itself."""
-        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
-        return merge(*(moved(self._seen(n), self._poses[n]) for n in rest))
+        beside = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        return merge(*(moved(self._seen(n), self._poses[n]) for n in beside))
 
     def in_sight(self, name: str) -> list[Sighted]:
         """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
@@ -239,12 +239,12 @@ class Bodies:
         """
         solids = self._standing_solids
         standing = [Sighted(n, self._kind(n), solids[n], warm=self._warm(n)) for n in self._obstacles]
-        rest = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        beside = sorted(n for n in self._solids if n != name or n in self._sees_itself)
         return standing + [
             Sighted(
                 n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocity(n)), pose, self._warm(n)
             )
-            for n in rest
+            for n in beside
             for pose in (self._poses[n],)
         ]
 
@@ -308,8 +308,8 @@ class Bodies:
 
     def _around(self, name: str) -> dict[str, Parts]:
         """What a machine may touch: the other machines that it is not hitched to, and all that stands."""
-        rest = [n for n in self._solids if n != name and frozenset((n, name)) not in self._hitched]
-        return {n: self._in_world(n) for n in rest} | self._obstacles
+        beside = [n for n in self._solids if n != name and frozenset((n, name)) not in self._hitched]
+        return {n: self._in_world(n) for n in beside} | self._obstacles
 
     def _seen(self, name: str) -> Solids:
         """What sensors see of a body, in its frame."""

@@ -30,8 +30,8 @@ def pack(column: NDArray[Any]) -> tuple[str, bytes]:
         pays = len(zlib.compress(_planes(first), 1)) < len(zlib.compress(first.tobytes(), 1))
         return (PLANES, _planes(column)) if pays else ("", column.tobytes())
     if _are_rotations(column):
-        rest = _whole(column[:, :, 2]) - _whole(_third(column))
-        return ROTATION, _planes(np.concatenate([_steps(column[:, :, :2]).ravel(), rest.ravel()]))
+        residual = _whole(column[:, :, 2]) - _whole(_third(column))
+        return ROTATION, _planes(np.concatenate([_steps(column[:, :, :2]).ravel(), residual.ravel()]))
     steps = _steps(column)
     is_smooth = bits_of(steps).mean() < ROUGH_BITS
     return (SMOOTH, _planes(steps)) if is_smooth else (PLANES, _planes(column))
@@ -63,8 +63,8 @@ def unpack(data: bytes, how: str, dtype: np.dtype[Any], shape: tuple[int, ...]) 
         split = 6 * shape[0]
         column = np.empty(shape, dtype)
         column[:, :, :2] = _courses(numbers[:split], dtype, (shape[0], 3, 2))
-        rest = numbers[split:].view("<i8").reshape(shape[0], 3)
-        column[:, :, 2] = (rest + _whole(_third(column))).view(dtype)
+        residual = numbers[split:].view("<i8").reshape(shape[0], 3)
+        column[:, :, 2] = (residual + _whole(_third(column))).view(dtype)
         return column
     if how == SMOOTH:
         return _courses(numbers, dtype, shape)

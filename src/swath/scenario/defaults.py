@@ -21,8 +21,8 @@ def defaults(scenario: Scenario) -> dict[str, Any]:
 
     Empty where a scenario writes everything, as that of a run folder does.
     """
-    rest: dict[str, Any] = _unwritten(scenario.lifted(), scenario.document.data)
-    return {key: value for key, value in rest.items() if key not in ("name", "summary")}
+    unwritten: dict[str, Any] = _unwritten(scenario.lifted(), scenario.document.data)
+    return {key: value for key, value in unwritten.items() if key not in ("name", "summary")}
 
 
 def default_lines(scenario: Scenario) -> set[int]:
@@ -46,12 +46,12 @@ def paragraphs(scenario: Scenario) -> list[tuple[str, str]]:
     own (null: the data sheet's or none) close a text by their keys alone. Key and value
     are joined by NO_BREAK.
     """
-    rest, whole = defaults(scenario), scenario.lifted()
-    found = [("scenario", {k: v for k, v in rest.items() if not isinstance(v, dict)})]
-    found += [(k, rest[k]) for k in ("run", "realtime") if k in rest]
-    found += _parts("field", rest.get("field", {}), whole["field"], prefix="field ")
+    unwritten, whole = defaults(scenario), scenario.lifted()
+    found = [("scenario", {k: v for k, v in unwritten.items() if not isinstance(v, dict)})]
+    found += [(k, unwritten[k]) for k in ("run", "realtime") if k in unwritten]
+    found += _parts("field", unwritten.get("field", {}), whole["field"], prefix="field ")
     for name in scenario.machines:
-        own = rest.get(name, {})
+        own = unwritten.get(name, {})
         prefix = f"{name}." if len(scenario.machines) > 1 else ""
         slots = {k: _own(v) if k in scenario.machines[name].slots else v for k, v in own.items()}
         found += _parts(name, slots, whole[name], prefix=prefix)
@@ -61,13 +61,13 @@ def paragraphs(scenario: Scenario) -> list[tuple[str, str]]:
 
 
 def _parts(
-    name: str, rest: Mapping[str, Any], whole: Mapping[str, Any], *, prefix: str
+    name: str, unwritten: Mapping[str, Any], whole: Mapping[str, Any], *, prefix: str
 ) -> Iterator[tuple[str, Any]]:
     """The section's own values, then those of each part in it that has a level."""
     levels = {k: v["level"] for k, v in whole.items() if isinstance(v, dict) and "level" in v}
-    yield name, {k: v for k, v in rest.items() if k not in levels}
+    yield name, {k: v for k, v in unwritten.items() if k not in levels}
     for part, level in levels.items():
-        values = rest.get(part, {})
+        values = unwritten.get(part, {})
         if values:
             yield f"{prefix}{part} {Path(level).name}", values
 
@@ -82,16 +82,16 @@ def _unwritten(value: Any, written: Any) -> Any:
     if isinstance(value, dict):
         if not isinstance(written, dict):  # `lidar: plants` writes the level
             written = {"level": written} if isinstance(written, str) else {}
-        rest = {k: _unwritten(v, written[k]) if k in written else v for k, v in value.items()}
-        return {k: v for k, v in rest.items() if k not in written or v not in ({}, [], None)}
+        unwritten = {k: _unwritten(v, written[k]) if k in written else v for k, v in value.items()}
+        return {k: v for k, v in unwritten.items() if k not in written or v not in ({}, [], None)}
     if isinstance(value, list) and isinstance(written, list) and len(value) == len(written):
         found = [_unwritten(v, w) for v, w in zip(value, written, strict=True)]
         return {index: v for index, v in enumerate(found) if v not in ({}, [], None)}
     return None
 
 
-def _leaves(rest: Mapping[Any, Any], path: KeyPath) -> Iterator[KeyPath]:
-    for key, value in rest.items():
+def _leaves(unwritten: Mapping[Any, Any], path: KeyPath) -> Iterator[KeyPath]:
+    for key, value in unwritten.items():
         if isinstance(value, dict) and value:
             yield from _leaves(value, (*path, key))
         else:

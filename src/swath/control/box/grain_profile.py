@@ -112,12 +112,12 @@ def _at_middle(along: F64, aside: F64, heights: F64, alike: float) -> tuple[floa
         middle = float(heights[keeps].mean())
         matrix = weight * portable.product(own.T, own) + level
         found = portable.solve(matrix, weight * portable.product(own.T, heights[keeps] - middle))
-        rest = heights - middle - portable.product(rows, found)
-        seen = _height(rest[keeps])
+        residual = heights - middle - portable.product(rows, found)
+        seen = _height(residual[keeps])
         if seen is None:
             return None
         scatter = max(seen[1], EXACT)
-        keeps = np.abs(rest) <= 3.0 * scatter
+        keeps = np.abs(residual) <= 3.0 * scatter
     sd = float(portable.solve(matrix, np.eye(4)[0])[0]) ** 0.5
     return middle + float(found[0]), sd
 
@@ -158,10 +158,10 @@ def at_wall(away: F64, along: F64, heights: F64, part: float, steepest: float = 
         slope, tilt = _plane(x - x.mean(), y - y.mean(), z - z.mean())
         slope, tilt = min(max(slope, 0.0), steepest), min(max(tilt, -STEEPEST), STEEPEST)
         heights_at_wall = heights - slope * away - tilt * along
-        rest = _height(heights_at_wall[keeps])
-        if rest is None:
+        wall = _height(heights_at_wall[keeps])
+        if wall is None:
             return float("nan")
-        level, scatter = rest
+        level, scatter = wall
         keeps &= np.abs(heights_at_wall - level) <= max(3.0 * scatter, 0.03)
     return float(level + 0.5 * abs(tilt) * part + 2.0 * scatter / float(len(z)) ** 0.5)
 

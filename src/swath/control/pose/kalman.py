@@ -129,8 +129,8 @@ class Kalman(KeepsState):
         ph = portable.product(self.covariance, h)
         gain = ph / (float(portable.product(h, ph)) + variance)
         self.state += gain * difference
-        rest = np.eye(SIZE) - np.multiply.outer(gain, h)
-        p = portable.product(portable.product(rest, self.covariance), rest.T)
+        complement = np.eye(SIZE) - np.multiply.outer(gain, h)
+        p = portable.product(portable.product(complement, self.covariance), complement.T)
         p += np.multiply.outer(gain, gain) * variance
         self.covariance = 0.5 * (p + p.T)
 

@@ -327,9 +327,9 @@ def column_rows(source: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
         (c["column"], key, *((c["unit"], c["unit_by"]) if c["unit"] not in ("text", "1") else ("", "")))
         for key, c in source["columns"].items()
     ]
-    rest = source["not_used"]
-    more = [(f"and {len(rest) - MOST_TOLD} more", "not used", "", "")] if len(rest) > MOST_TOLD else []
-    return [*plain, *((name, "not used", "", "") for name in rest[:MOST_TOLD]), *more]
+    unused = source["not_used"]
+    more = [(f"and {len(unused) - MOST_TOLD} more", "not used", "", "")] if len(unused) > MOST_TOLD else []
+    return [*plain, *((name, "not used", "", "") for name in unused[:MOST_TOLD]), *more]
 
 
 class ColumnsMissing(InputError):
@@ -361,12 +361,12 @@ def find_columns(
     of_base = {} if base is None else {k: _checked(c) for k, c in base.columns.items()}
     taken = {c.column for c in (*whole.values(), *of_base.values())}
     said = {key for key, column in given.items() if not column.column} | dropped
-    rest = guess([name for name in header if name not in taken], path, said).columns
-    beside = {k: c for k, c in rest.items() if k in FLOWS}
+    usual = guess([name for name in header if name not in taken], path, said).columns
+    beside = {k: c for k, c in usual.items() if k in FLOWS}
     if base is not None:
         also = QUANTITIES.keys() - FLOWS if base.profile in _BY_NAME else _BESIDE
-        rest = {k: c for k, c in rest.items() if k in also}
-    found = {**rest, **of_base}
+        usual = {k: c for k, c in usual.items() if k in also}
+    found = {**usual, **of_base}
     for alike in (FLOWS, ("lat", "lon", "easting", "northing")):
         if set(alike) & whole.keys():
             found = {k: c for k, c in found.items() if k not in alike}

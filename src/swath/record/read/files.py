@@ -60,10 +60,10 @@ class PartsLog:
 
     def messages(self, wanted: Collection[str], also_first: str = "") -> Iterator[tuple[str, int, Any]]:
         """(topic, log time [ns], message) of some topics, and the first one of another."""
-        rest = also_first
+        awaited = also_first
         for part in self._parts:
-            for found in part.messages(wanted, rest):
-                rest = "" if found[0] == rest else rest
+            for found in part.messages(wanted, awaited):
+                awaited = "" if found[0] == awaited else awaited
                 yield found
 
     def attachment(self, name: str) -> bytes | None:
@@ -130,10 +130,10 @@ class BagLog:
 
     def messages(self, wanted: Collection[str], also_first: str = "") -> Iterator[tuple[str, int, Any]]:
         """(topic, log time [ns], message) of some topics, and the first one of another, in order of time."""
-        rest = {also_first} - {""}
+        awaited = {also_first} - {""}
         reached = self._begin
         with self._make() as reader:
-            connections = [c for c in reader.connections if c.topic in wanted or c.topic in rest]
+            connections = [c for c in reader.connections if c.topic in wanted or c.topic in awaited]
             if not connections:
                 return
             is_packed = _bounded(reader, self.path)
@@ -146,9 +146,9 @@ class BagLog:
                 except Exception:  # what breaks off differs from format to format
                     self.notes[f"{CUT_OFF} after {(reached - self._begin) / NS:.2f} s"] = 1
                     return
-                if connection.topic not in wanted and connection.topic not in rest:
+                if connection.topic not in wanted and connection.topic not in awaited:
                     continue
-                rest.discard(connection.topic)
+                awaited.discard(connection.topic)
                 try:
                     data = unpacked_message(data) if is_packed else data
                     if len(data) < self._definitions.least(connection.msgtype):

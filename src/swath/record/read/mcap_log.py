@@ -107,12 +107,12 @@ class McapLog:
 
     def messages(self, wanted: Collection[str], also_first: str = "") -> Iterator[tuple[str, int, Any]]:
         """(topic, log time [ns], message) of some topics, and the first one of another."""
-        rest = {also_first} - {""}
-        for channel, schema, t, data in self._records(lambda topic: topic in wanted or topic in rest):
+        awaited = {also_first} - {""}
+        for channel, schema, t, data in self._records(lambda topic: topic in wanted or topic in awaited):
             topic = channel.topic
-            if topic not in wanted and topic not in rest:
+            if topic not in wanted and topic not in awaited:
                 continue
-            rest.discard(topic)
+            awaited.discard(topic)
             try:
                 data = unpacked_message(data) if self.packed else data
                 made = self._decode(channel, schema, data)

@@ -302,17 +302,17 @@ def deviation(snr: float, cell: float, floor: float) -> float:
 
 def merged(echoes: list[Echo], cell: tuple[float, float, float]) -> list[Echo]:
     """The strongest first, each with all that lies in its cell: powers add, the place is their mean."""
-    rest, found = sorted(echoes, key=lambda e: -e.snr), []
-    while rest:
-        first = rest[0]
+    remaining, found = sorted(echoes, key=lambda e: -e.snr), []
+    while remaining:
+        first = remaining[0]
         inside = [
             e
-            for e in rest
+            for e in remaining
             if abs(e.distance - first.distance) < cell[0]
             and abs(e.azimuth - first.azimuth) < cell[1]
             and abs(e.radial_speed - first.radial_speed) < cell[2]
         ]
-        rest = [e for e in rest if e not in inside]
+        remaining = [e for e in remaining if e not in inside]
         total = float(np.array([e.snr for e in inside]).sum())
         if total > 0.0:
             values = np.array([[e.distance, e.azimuth, e.elevation, e.radial_speed] for e in inside])

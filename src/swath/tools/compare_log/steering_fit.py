@@ -52,7 +52,9 @@ class PathAlong:
 
 
 class _Level:
-    """Flat ground; the machine's straw and grain are none."""
+    """Flat, firm ground; the machine's straw and grain are none."""
+
+    soil = None
 
     def footprint(self, points: Any, *, groups: int) -> Footprint:
         """Ground height under groups of points: 0."""
@@ -329,8 +331,8 @@ class _Part:
             residual, began, jac=lambda v: _jacobian(residual, v, step, low, high), bounds=(low, high),
             x_scale=step, xtol=1e-5, ftol=1e-7, max_nfev=30,
         ).x  # fmt: skip
-        rest, jacobian = residual(found), _jacobian(residual, found, step, low, high)
-        error, predicted = self._bootstrap(jacobian, rest)
+        residuals, jacobian = residual(found), _jacobian(residual, found, step, low, high)
+        error, predicted = self._bootstrap(jacobian, residuals)
         seen = error < UNSEEN * (high - low)
         wide = float(student.ppf(0.5 + 0.5 * CONFIDENCE, self._count - 1)) * error
         values = np.where(seen, found, start)
@@ -344,20 +346,20 @@ class _Part:
             )
             for i, key in enumerate(names)
         ]  # fmt: skip
-        rmse = _rms(at_start), _rms(rest), _rms(predicted)
-        shown = [self._shown(r) for r in (at_start, rest)]
-        real = self._shown(np.zeros_like(rest))
+        rmse = _rms(at_start), _rms(residuals), _rms(predicted)
+        shown = [self._shown(r) for r in (at_start, residuals)]
+        real = self._shown(np.zeros_like(residuals))
         return best, PartFit(
             self.name, self._quantity, self._unit, tuple(rows), self._count, rmse, real, *shown
         )  # fmt: skip
 
-    def _bootstrap(self, jacobian: Array, rest: Array) -> tuple[Array, Array]:
+    def _bootstrap(self, jacobian: Array, residuals: Array) -> tuple[Array, Array]:
         """Standard deviation of each value over resampled blocks; residuals of each block by the others."""
         width = jacobian.shape[1]
         square, slope = np.zeros((self._count, width, width)), np.zeros((self._count, width))
         rows = [np.flatnonzero(self._block == b) for b in range(self._count)]
         for b, r in enumerate(rows):
-            square[b], slope[b] = jacobian[r].T @ jacobian[r], jacobian[r].T @ rest[r]
+            square[b], slope[b] = jacobian[r].T @ jacobian[r], jacobian[r].T @ residuals[r]
         scale = np.sqrt(np.maximum(np.diagonal(square.sum(axis=0)), LEAST_EFFECT**2))
         ridge = 1e-9 * np.diag(scale**2)
 
@@ -369,7 +371,7 @@ class _Part:
         picked = stream.at().integers(0, self._count, (RESAMPLES, self._count))
         moved = np.array([move(np.bincount(p, minlength=self._count).astype(float)) for p in picked])
         few = sqrt(self._count / (self._count - 1))
-        predicted = rest.copy()
+        predicted = residuals.copy()
         for b, r in enumerate(rows):
             others = np.ones(self._count)
             others[b] = 0.0
@@ -377,13 +379,13 @@ class _Part:
         error = np.where(scale > LEAST_EFFECT, moved.std(axis=0) * few, np.inf)
         return error, predicted
 
-    def _shown(self, rest: Array) -> Array:
+    def _shown(self, residuals: Array) -> Array:
         """Measured plus residual as a series of the log, of positions the distance; nan where none counts."""
         made = np.full(len(self._counts), np.nan)
         if self._measured.ndim == 1:
-            made[self._counts] = self._measured[self._counts] + rest
+            made[self._counts] = self._measured[self._counts] + residuals
         else:
-            made[self._counts] = np.hypot(*rest.reshape(-1, 2).T)
+            made[self._counts] = np.hypot(*residuals.reshape(-1, 2).T)
         return made
 
 

@@ -158,15 +158,15 @@ def _by_icp(a: Cloud, b: Cloud, notes: list[str]) -> F64:
     if not len(some):
         raise InputError("--align", "icp", "expected two clouds of one place: they have no point in common")
     among = _sample(a.points - middle, 0, 5 * ICP_POINTS)
-    matrix, _, rest = icp(some, among, max_iterations=ICP_STEPS, reflection=False, scale=False)
+    matrix, _, rms = icp(some, among, max_iterations=ICP_STEPS, reflection=False, scale=False)
     moved = np.asarray(matrix[:3, 3] + matrix[:3, :3] @ some.mean(axis=0) - some.mean(axis=0))
     turned = degrees(acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(matrix[:3, :3])) - 1.0)))))
-    rest = float(np.sqrt(rest))
+    rms = float(np.sqrt(rms))
     text = (
         f"ICP moves {b.name} by {moved[0]:.2f}, {moved[1]:.2f}, {moved[2]:.2f} m and turns it by "
-        f"{turned:.2f} deg; its points then lie {rest:.2f} m (RMS) from the nearest of {a.name}"
+        f"{turned:.2f} deg; its points then lie {rms:.2f} m (RMS) from the nearest of {a.name}"
     )
-    if np.linalg.norm(moved) > ICP_MOVED_M or turned > ICP_TURNED_DEG or rest > ICP_REST_M:
+    if np.linalg.norm(moved) > ICP_MOVED_M or turned > ICP_TURNED_DEG or rms > ICP_REST_M:
         raise InputError("--align", "icp", f"expected two clouds of one place: {text}")
     notes.append(text)
     return np.asarray((b.points - middle) @ matrix[:3, :3].T + matrix[:3, 3] + middle)
