@@ -186,7 +186,8 @@ class Pile:
             return np.array([plain(getattr(self.each[k][world], name)) for world in worlds])
         if name == "t":
             return np.full(len(worlds), self.stamps[k])
-        return self.array(name)[k, worlds]
+        newest: NDArray[Any] = self.array(name)[k]
+        return newest if len(worlds) == len(newest) else newest[worlds]
 
     def _fits(self, samples: Samples) -> bool:
         if samples.kind is not self.kind or samples.arrays.keys() != self._arrays.keys():
@@ -415,8 +416,10 @@ class ShownToAll:
         """Numbers of the sample of a type, (worlds, names); None without one."""
         for sent in self._sent.values():
             if issubclass(sent.kind, kind):
-                every = [sent.column(name, self.worlds) for name in names]
-                return np.stack(np.broadcast_arrays(np.zeros(len(self.worlds)), *every)[1:], axis=1)
+                found = np.empty((len(self.worlds), len(names)))
+                for k, name in enumerate(names):
+                    found[:, k] = sent.column(name, self.worlds)
+                return found
         return None
 
     def newest(self, kind: type[Signal], machine: str) -> Pile | None:

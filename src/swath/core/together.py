@@ -152,7 +152,7 @@ class Sent:
         if name == "t":
             return self.all.t
         found = field_of(self.all, name)
-        return found[worlds] if name in self.all.arrays else found
+        return found[worlds] if name in self.all.arrays and len(worlds) < len(found) else found
 
     def number(self, world: int, name: str) -> Any:
         """A field in one world, a pose as 12 numbers."""

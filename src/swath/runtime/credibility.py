@@ -95,6 +95,7 @@ class Scene:
         self.unchecked: dict[str, dict[str, list[str]]] = {}
         self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
         self.slots = {m.name: m.slots for m in world.machines.values()}
+        self._meeting: dict[str, set[str]] = {}  # slots whose parts say what they met
         self._fixed: dict[str, dict[str, float]] = {}  # of machines, by quantity
         self._others: dict[str, list[tuple[str, Checked]]] = {}  # quantities that no level declares
         for machine in world.machines.values():
@@ -106,6 +107,7 @@ class Scene:
         names = dict.fromkeys(name for own in unchecked.values() for name in own)
         self._others[machine.name] = [(n, Checked(n, *QUANTITIES[n].plain, "")) for n in names]
         self._fixed[machine.name] = {}
+        self._meeting[machine.name] = {s for s, p in machine.parts.items() if isinstance(p, MeetsRange)}
 
     def _take_changes(self, machine: Machine) -> None:
         """Levels and parameters that came in since the last look."""
@@ -132,7 +134,7 @@ class Scene:
             part = self.parts[machine][slot]
             if about.parts.get(slot) is not part:
                 continue  # something from elsewhere has come into the slot, whose ranges these are not
-            met = part.meets() if isinstance(part, MeetsRange) else {}
+            met = part.meets() if part is not None and slot in self._meeting[machine] else {}
             for checked in ranges:
                 name = checked.quantity
                 if name not in met and name not in QUANTITIES:

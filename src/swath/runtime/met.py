@@ -28,6 +28,7 @@ SUMMARY = "met"
 EVERY_M = 1.0  # of the way, between two rows
 BASE_M = 6.0  # over which a slope is taken: the length of a combine, more than its tyres bridge
 AHEAD_M = (0.0, 4.0, 8.0)  # of the knife, where a scanner beside it looks
+LOOKED_AT_M = np.stack(np.meshgrid(AHEAD_M, [0.0, 2.0])).reshape(2, -1)  # ahead, and on into the crop
 BESIDE_M = 1.0  # from the edge into the crop, where the stand is looked up that the scanner has before it
 
 
@@ -77,8 +78,7 @@ def _lean(where: Where) -> float:
     """The most where sensors look, beside the edge and ahead."""
     (x, y), c, s = where.crop, cos(where.heading), sin(where.heading)
     inward = 1.0 if where.machine.edge_side == "right" else -1.0
-    ahead, in_crop = (a.ravel() for a in np.meshgrid(AHEAD_M, [0.0, 2.0]))
-    aside = inward * in_crop
+    ahead, aside = LOOKED_AT_M[0], inward * LOOKED_AT_M[1]
     return degrees(
         float(where.field.stand.lean(x + c * ahead - s * aside, y + s * ahead + c * aside)[0].max())
     )

@@ -81,12 +81,17 @@ def crop_along(
 
     pose: as 12 numbers; starts: of the lines, in the world [m]
     """
-    ax, bx, _, ay, by = pose[3:8]
+    bx, by = pose[4], pose[7]
     crop = field.standing_along(starts, (bx * width, by * width), count)
-    rows = field.rows
-    if rows is not None and rows.are_along(ax, ay):
-        crop = rows.whole(crop, rows.left(*np.array(starts).T), width * float(rows.left(bx, by)))
-    return crop
+    return whole_rows(field, crop, pose, starts, width)
+
+
+def whole_rows(field: Standing, crop: Bits, pose: Sequence[float], starts: Any, width: float) -> Bits:
+    """In a row crop that is driven along, the ground is its row's."""
+    rows, (ax, bx, _, ay, by) = field.rows, pose[3:8]
+    if rows is None or not rows.are_along(ax, ay):
+        return crop
+    return rows.whole(crop, rows.left(*np.array(starts).T), width * float(rows.left(bx, by)))
 
 
 def edges_of(crop: Bits) -> list[Array]:

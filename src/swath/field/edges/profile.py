@@ -6,6 +6,7 @@ sampled once from the field's own terrain, stand and edge, the ground as far as 
 along the line, inside is > 0 towards the crop.
 """
 
+from collections.abc import Sequence
 from math import ceil, inf, isfinite
 from typing import Any
 
@@ -20,7 +21,7 @@ from swath.field.crop_sheet import Weeds
 from swath.field.cutting.cut_result import Cut
 from swath.field.edges.edge_defects import BrokenEdge
 from swath.field.memory_layout import STANDING
-from swath.kernels import filled, repeatable, shared, start_warp
+from swath.kernels import filled, of_worlds, repeatable, shared, start_warp
 
 Array = NDArray[np.float64]
 STATION, BIN = 1.0, 0.05  # spacing along the line [m], our choice; kernels take stations to be 1 m apart
@@ -63,7 +64,8 @@ class Profile(KeepsState):
         self.straw_kg = 0.0
         self._per_m2: tuple[Array, ...] = ()
         self._struct: Any = None
-        self._lines: dict[tuple[int, int], Any] = {}
+        self.lines: dict[tuple[int, ...], Lines] = {}
+        self.station = 0  # beside which a line was looked at last
 
     def _lay_line(self, s: Array) -> None:
         shape, field = self.edge.shape, self.field
@@ -131,18 +133,7 @@ class Profile(KeepsState):
 
     def standing_along(self, starts: Any, step: Any, count: int) -> NDArray[np.bool_]:
         """As `stands`, compiled, at middles of `count` steps from world points on [m]: (n, count)."""
-        shape = len(starts), count
-        if shape not in self._lines:
-            from swath.field.edges.profile_kernel import stands_along
-
-            arrays = np.zeros((shape[0], 2)), np.zeros(2), np.zeros(shape, np.bool_), np.zeros(1, np.int32)
-            inputs = [self.struct(), *(shared(array) for array in arrays)]
-            self._lines[shape] = repeatable(stands_along, inputs), arrays
-        launch, (places, steps, crop, _) = self._lines[shape]
-        places[:], steps[:] = starts, step
-        launch.launch()
-        found: NDArray[np.bool_] = crop.copy()
-        return found
+        return standing_beside([self], starts, step, count, of=[0] * len(starts))
 
     def standing_area(self, polygon: Array) -> float:
         """Area of standing crop within a convex anticlockwise polygon (n, 2) [m2]."""
@@ -360,3 +351,42 @@ def _is_smooth(shape: Any) -> bool:
     corners = max(abs(p.turn_in - p.heading) for p in shape.pieces)
     bends = max(abs(p.curvature) for p in shape.pieces)
     return bool(corners < 1e-6 and bends < 1.0 / 15.0 and isfinite(shape.length))
+
+
+class Lines:
+    """Whether crop stands along lines beside profiles, looked up by compiled code at once.
+
+    structs: of the profiles; of: which of them each line is beside; count: of the steps of a line
+    stations: beside which a line was looked at last, of each profile
+    """
+
+    def __init__(self, structs: Sequence[Any], of: Sequence[int], count: int) -> None:
+        from swath.field.edges import profile_kernel as kernel
+
+        self._structs = structs
+        self.starts, self.steps = np.zeros((2, len(of), 2))
+        self.crop, self.stations = np.zeros((len(of), count), np.bool_), np.zeros(len(structs), np.int32)
+        arrays = np.array(of, np.int32), self.starts, self.steps, self.crop, self.stations
+        inputs = [of_worlds(kernel.Profile, structs), *map(shared, arrays)]
+        self.launch = repeatable(kernel.stands_along, inputs).launch
+
+
+def standing_beside(
+    profiles: Sequence[Profile], starts: Any, steps: Any, count: int, of: Sequence[int] = ()
+) -> NDArray[np.bool_]:
+    """Whether crop stands at middles of `count` steps from world points on [m], (n, count).
+
+    of: which profile each line is beside, by default one beside each; steps: of each (n, 2), or of all (2,)
+    """
+    structs, of = [profile.struct() for profile in profiles], of or range(len(profiles))
+    key = (*map(id, structs), *of, count)
+    lines = profiles[0].lines.get(key)
+    if lines is None:
+        lines = profiles[0].lines[key] = Lines(structs, of, count)
+    lines.starts[:], lines.steps[:] = starts, steps
+    lines.stations[:] = [profile.station for profile in profiles]
+    lines.launch()
+    for profile, station in zip(profiles, lines.stations.tolist(), strict=True):
+        profile.station = station
+    found: NDArray[np.bool_] = lines.crop.copy()
+    return found

@@ -157,20 +157,22 @@ def crop_along(
 
 @wp.kernel
 def stands_along(
-    profile: Profile,
+    profiles: wp.array(dtype=Profile),
+    of: wp.array(dtype=int),
     starts: wp.array2d(dtype=wp.float64),
-    step: wp.array(dtype=wp.float64),
+    steps: wp.array2d(dtype=wp.float64),
     crop: wp.array2d(dtype=wp.bool),
-    station: wp.array(dtype=int),
+    stations: wp.array(dtype=int),
 ):
-    """Whether crop stands at the middles of steps from starts on [m], in one thread.
+    """Whether crop stands at the middles of steps from starts on [m], a line each, in one thread.
 
-    station: station of the last one
+    of: the profile of each line; stations: of the last line beside each profile
     """
-    k = station[0]
     for line in range(starts.shape[0]):
-        k = crop_along(profile, starts[line, 0], starts[line, 1], step[0], step[1], crop[line], k)
-    station[0] = k
+        p = of[line]
+        x = starts[line, 0]
+        y = starts[line, 1]
+        stations[p] = crop_along(profiles[p], x, y, steps[line, 0], steps[line, 1], crop[line], stations[p])
 
 
 @wp.func

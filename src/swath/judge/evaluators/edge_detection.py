@@ -17,11 +17,10 @@ from swath.field.edges.present_edge import (
     SIDE_M,
     STEP_M,
     Holes,
-    crop_along,
     edges_of,
     start_across,
-    steps_between,
 )
+from swath.field.field import crop_in_each
 from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, SeesAll, mean, rms
 from swath.record.tracks import Column
 from swath.signals import F64, CropEdge, MachineState
@@ -37,6 +36,7 @@ EPISODE_M = 1.0  # a longer distance wrong, sure and not reported is a hazardous
 RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
 NAN = float("nan")
+COUNT = round(2.0 * (FAR_M + SIDE_M) / STEP_M)  # steps of a line across the machine
 CHUNK = 32  # samples that are judged together: a millisecond of work
 MOST = 512  # states that are kept
 
@@ -177,7 +177,7 @@ class EdgeDetection(SeesAll, Later):
 
     def __init__(self, setup: EvaluatorSetup, along: Callable[..., NDArray[np.bool_]] | None = None) -> None:
         self.setup = setup
-        self._along = along  # None, which a save of the run can hold, is `crop_along`
+        self._along = along  # None, which a save of the run can hold, is `crop_in_each`
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
         self._reference, self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
         self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
@@ -204,7 +204,9 @@ class EdgeDetection(SeesAll, Later):
         if pile is None:
             now = np.array([judge._states.newest for judge in parts])
         else:
-            now = np.column_stack([pile.last(name, worlds) for name in ("t", "pose", "distance")])
+            now = np.empty((len(worlds), 14))
+            now[:, 0], now[:, 13] = pile.last("t", worlds), pile.last("distance", worlds)
+            now[:, 1:13] = pile.last("pose", worlds)
         reported = shown.columns(CropEdge, ("t", *REPORTED))
         if (
             reported is not None
@@ -299,8 +301,7 @@ class EdgeDetection(SeesAll, Later):
 
     def _judge(self, rows: Sequence[list[float]], packed: Sequence[NDArray[np.uint8]]) -> F64:
         """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, wall."""
-        count = round(2.0 * (FAR_M + SIDE_M) / STEP_M)
-        crop = np.unpackbits(np.stack(packed), axis=1, count=count).astype(bool)
+        crop = np.unpackbits(np.stack(packed), axis=1, count=COUNT).astype(bool)
         places = edges_of(crop)
         at = np.full((len(rows), 1 + max(map(len, places))), NAN)
         for k, own in enumerate(places):
@@ -348,22 +349,29 @@ def _look(parts: Sequence[EdgeDetection], reported: F64, places: F64) -> None:
 
     reported: t and REPORTED of each, (n, 6); places: rows of `States`, (n, 13)
     """
+    about = [(judge._reference, judge._begin, judge._end_y, judge._knife_x) for judge in parts]
+    reference, begin, end_y, knife_x = np.array(about).T
     # where none is reported, the last one counts, at first the knife
-    last = np.array([judge._reference for judge in parts])
-    reference = np.where(np.isfinite(reported[:, 1]), reported[:, 1], last)
-    begin, end_y, knife_x = np.array([(judge._begin, judge._end_y, judge._knife_x) for judge in parts]).T
-    starts = np.stack(start_across(places.T, reference, begin), axis=1)
-    px, py, _, ax, bx, _, ay, by = places[:, :8].T
-    ends = [v + a * at + b * end_y for at in (reference, knife_x) for v, a, b in ((px, ax, bx), (py, ay, by))]
-    rows = np.column_stack([reported[:, 0], places[:, 12], reported[:, 2:], *ends, bx, by]).tolist()
-    of_each = parts, places.tolist(), starts.tolist(), reference.tolist(), rows
-    for judge, pose, start, at, row in zip(*of_each, strict=True):
+    reference = np.where(np.isfinite(reported[:, 1]), reported[:, 1], reference)
+    px, py, _, ax, bx, _, ay, by, _, _, _, _, distance = places.T
+    x, y = start_across(places.T, reference, begin)
+    rows = np.empty((len(parts), 12))
+    rows[:, 0], rows[:, 1], rows[:, 2:6] = reported[:, 0], distance, reported[:, 2:]
+    for k, ahead in enumerate((reference, knife_x)):
+        rows[:, 6 + 2 * k] = px + ax * ahead + bx * end_y
+        rows[:, 7 + 2 * k] = py + ay * ahead + by * end_y
+    rows[:, 10], rows[:, 11] = bx, by
+    starts, width = np.stack([x, y], axis=1), (2.0 * end_y - begin - begin) / COUNT
+    fields, looked_up = [judge.setup.field for judge in parts], parts[0]._along
+    if looked_up is None:
+        crop = crop_in_each(fields, places[:, :12], starts, width, COUNT)
+    else:  # one judge, beside another
+        crop = looked_up(*fields, places[0, :12].tolist(), starts.tolist(), float(width[0]), COUNT)
+    of_each = parts, np.packbits(crop, axis=1), reference.tolist(), rows.tolist()
+    for judge, packed, at, row in zip(*of_each, strict=True):
         judge._reference = at
-        begins, ends_at = judge._begin, 2.0 * judge._end_y - judge._begin
-        count, along = steps_between(begins, ends_at), judge._along or crop_along
-        crop = along(judge.setup.field, pose[:12], [start], (ends_at - begins) / count, count)
         judge._rows.append(row)
-        judge._crop.append(np.packbits(crop))
+        judge._crop.append(packed)
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
