@@ -11,6 +11,7 @@ six seeds at 600/m2 and 60 deg the ground share scatters by 0.002 (sd), the mean
 """
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -113,9 +114,10 @@ def test_against_the_closed_form(density, degrees, ears):
     assert ground == pytest.approx(expected[2], abs=0.01)
 
 
-@pytest.mark.parametrize("degrees", [15, 30, 45, 60])
-@pytest.mark.parametrize("density", [200, 600])
-def test_thin_formula_for_stems(density, degrees):
+@pytest.mark.parametrize(
+    ("degrees", "density"), [*product((15, 30, 45, 60), (200, 600)), (45, 40), (45, 1000)]
+)
+def test_thin_formula_for_stems(degrees, density):
     """The plain S(z) = exp(-cot(beta) * integral n d dz), stems only."""
     mean, std, ground = first_returns(density, degrees, False)
     expected = closed_form(density, degrees, False, thin=True)

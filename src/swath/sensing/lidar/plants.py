@@ -117,6 +117,7 @@ class PlantsLidar(ScanningLidar):
         return Pattern(self.pattern.position[None], self.pattern.weight)
 
 
+RANGES = "tests/sensing/test_plants_ranges.py"
 LEVEL = Level(
     PlantsLidar,
     Params,
@@ -126,5 +127,8 @@ LEVEL = Level(
     checked=(
         Checked("lean_deg", 0.0, 75.0, "tests/rays/test_exact.py"),
         Checked("wind_lean_deg", 0.0, 24.5, "tests/rays/test_wind.py"),
+        Checked("stems_per_m2", 0.0, 1000.0, "tests/rays/test_closed_form.py"),
+        Checked("rain_mm_h", 0.0, 50.0, RANGES),
+        Checked("dust_per_m", 0.0, 0.3, RANGES),
     ),
 )
