@@ -57,7 +57,7 @@ def test_dust_of_crop_and_wheels_is_raised_and_drifts_with_the_wind(level, limit
     assert dust.raised == pytest.approx(60 * 2e-3 + 11.8e-3, rel=limit)
     assert rows[:, 4].sum() == pytest.approx(dust.raised, rel=limit)
     first = rows[:3]
-    assert first[:, 0] - first[:, 3] == pytest.approx(COMBINE.knife_x + 0.8, abs=0.1)
+    assert first[:, 0] - first[:, 3] == pytest.approx(COMBINE.knife_x + 1.8, abs=0.1)
 
 
 @each_level("unload")
