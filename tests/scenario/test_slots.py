@@ -7,12 +7,14 @@ import pytest
 
 from swath.core.component import Port
 from swath.core.errors import InputError
+from swath.core.estimate import estimates
 from swath.core.registry import Level, Registry
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import load_scenario
-from swath.scenario.slots import GONE, GONE_SLOTS, PEER, REGISTRY, SLOTS, TRUTH
+from swath.scenario.slots import CATALOGUE, GONE, GONE_SLOTS, PEER, REGISTRY, SLOTS, TRUTH
 from swath.signals import SteerCommand
 from swath.signals.setup import LinkSetup
+from swath.tools.function_test.case import Varied
 
 
 @pytest.mark.parametrize("kind", SLOTS, ids=lambda s: s.name)
@@ -125,3 +127,20 @@ def test_a_level_that_went_says_what_there_is_instead():
 def test_a_slot_that_went_says_what_there_is_instead(slot):
     with pytest.raises(InputError, match=rf"combine\.{slot}: unknown key: it is gone, `"):
         load_scenario("straight", sets=[f"combine.{slot}.level=x"])
+
+
+def test_what_is_an_estimate_has_a_band_to_draw_from():
+    band = CATALOGUE.estimate_of("combine.threshing.threshing_speed")
+    assert (band, CATALOGUE.estimate_of("truck.crop_flow_2.camera_lag_s")) == ((0.5, 1.5), (10, 30))
+    for slot in SLOTS:
+        for name in REGISTRY.names(slot.name):
+            params = REGISTRY.get(slot.name, name).params
+            for key, of in estimates(params).items():
+                assert of.low <= getattr(params, key, of.low) <= of.high, (slot.name, name, key)
+    with pytest.raises(InputError, match="one with a band"):
+        CATALOGUE.estimate_of("combine.threshing.blocks_at")
+
+
+def test_a_case_draws_from_the_band():
+    drawn = Varied(key="combine.threshing.moisture_rate", estimate=True)
+    assert (drawn.range, drawn.at) == ((2, 4), [2, 4])

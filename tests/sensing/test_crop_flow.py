@@ -7,7 +7,7 @@ import pytest
 from swath.core.random import Stream
 from swath.field.moisture import Moisture
 from swath.sensing.crop_flow.delayed import PRESETS, DelayedCropFlow, Params
-from swath.signals import MachineLoad
+from swath.signals import MachineLoad, OrganLoads
 
 STEP = 100_000_000
 SETUP = SimpleNamespace(period=0.1, field=SimpleNamespace(moisture=Moisture()))
@@ -79,3 +79,34 @@ def test_readings_are_never_negative():
     out = run(make(loss_noise_percent=100.0, tank_noise_percent=20.0), 500, tank_level=0.0)
     assert min(o["loss"].separation for o in out) >= 0.0
     assert min(o["grain"].tank_level for o in out) >= 0.0
+
+
+def counted(seconds, seed=1, straw=0.0, **params):
+    """Readings of the level `counted` at the end, of a steady flow; what is not given is exact."""
+    level = PRESETS["counted"]
+    zeros = {name: 0.0 for name in level.params.__dataclass_fields__ if name != "moisture_percent"}
+    sensor = level.component(level.params(**{**zeros, **params}), SETUP)
+    sensor.reset(Stream(seed, "combine.crop_flow"))
+    organs = OrganLoads(0, broken_share=0.01, mog_share=0.001)
+    flows = load(straw_flow=straw, return_flow=0.7)
+    steps = range(round(seconds / 0.1))
+    return [sensor.step(i * STEP, STEP, {"load": flows, "organs": organs}) for i in steps]
+
+
+def test_plates_count_grain():
+    """Poisson: 0.12 kg/s at 1,150 hits per kg scatter by 1 / sqrt(1150 * 0.12 * 0.1) a sample, mean exact."""
+    found = np.array([o["loss"].separation for o in counted(300.0, loss_hits_per_kg=1150.0)])
+    assert found.mean() == pytest.approx(0.12, rel=0.02)
+    assert found.std() / found.mean() == pytest.approx((1150.0 * 0.012) ** -0.5, rel=0.08)
+
+
+def test_plates_take_straw_for_grain():
+    out = counted(1.0, straw=10.0, loss_straw_percent=0.1)[-1]
+    assert (out["loss"].separation, out["loss"].cleaning) == pytest.approx((0.13, 0.06))
+
+
+def test_returns_and_what_a_camera_sees():
+    out = counted(40.0, camera_lag_s=20.0, camera_floor_percent=0.2)[-1]
+    assert out["returns"].flow == pytest.approx(0.7)
+    assert out["quality"].broken == pytest.approx(0.01 * (1.0 - math.exp(-2.0)), rel=1e-6)
+    assert out["quality"].foreign == 0.002

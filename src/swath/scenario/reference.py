@@ -27,6 +27,8 @@ def rows_of(node: dict[str, Any], defs: dict[str, Any], prefix: str) -> list[Row
         default = "" if key in node.get("required", []) else _yaml(entry.get("default"))
         inner = _inside(entry, defs)
         value = _value(entry, defs) if inner is None else inner[1]
+        if (band := entry.get("estimate")) is not None:
+            value += f"; an estimate, {band[0]:g} to {band[1]:g}"
         rows.append((prefix + key, value, default, entry.get("description", "")))
         if inner is not None:
             rows += rows_of(inner[0], defs, f"{prefix}{key}{'[]' if inner[1].startswith('list') else ''}.")

@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.component import Port
+from swath.core.errors import InputError
+from swath.core.estimate import estimates
 from swath.core.registry import Registry
 from swath.scenario.machine_types import MACHINE_TYPES, ORGANS
 from swath.signals import (
@@ -29,6 +31,7 @@ from swath.signals import (
     FeedReading,
     FieldMap,
     Fix,
+    GrainImage,
     GroundSpeed,
     GuidanceState,
     HeaderState,
@@ -46,6 +49,7 @@ from swath.signals import (
     OrganWork,
     PeerState,
     PoseEstimate,
+    ReturnsReading,
     Scan,
     ScanTruth,
     SpeedCommand,
@@ -207,7 +211,8 @@ SLOTS: tuple[SlotKind, ...] = (
         "delayed",
         10.0,
         (Port("feed", FeedReading), Port("grain", YieldReading), Port("loss", LossReading)),
-        {"load": ("process", "load")},
+        {"load": ("process", "load"), "organs": ("process", "organs")},
+        more=(Port("returns", ReturnsReading), Port("quality", GrainImage)),
     ),
     _sensor(
         "lidar",
@@ -408,7 +413,7 @@ SLOTS: tuple[SlotKind, ...] = (
         "fixed",
         1.0,
         (Port("settings", OrganSettings),),
-        {"loss": ("crop_flow", "loss"), "feed": ("crop_flow", "feed")},
+        {name: ("crop_flow", name) for name in ("loss", "feed", "grain", "returns", "quality")},
         is_control=True,
         is_exchangeable=True,
     ),
@@ -504,6 +509,16 @@ class Catalogue:
     def kind_of(self, instance: str) -> SlotKind | None:
         """The kind of a slot by the name of an instance, such as `lidar_left`; None for no slot."""
         return kind_of(instance, self.slots)
+
+    def estimate_of(self, key: str) -> tuple[float, float]:
+        """The band of a key such as `combine.threshing.threshing_speed`. InputError where it has none."""
+        instance, _, name = key.rpartition(".")
+        kind = self.kind_of(instance.rpartition(".")[2])
+        if kind is not None:
+            for level in self.registry.names(kind.name):
+                if band := estimates(self.registry.get(kind.name, level).params).get(name):
+                    return band.low, band.high
+        raise InputError("key", key, "expected one with a band, as `swath levels SLOT` shows it")
 
 
 PARTS = {

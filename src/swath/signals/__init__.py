@@ -22,7 +22,9 @@ from swath.signals.cooperation import box_unseen as box_unseen
 from swath.signals.crop import CropAhead as CropAhead
 from swath.signals.crop import CropEdge as CropEdge
 from swath.signals.crop_sensors import FeedReading as FeedReading
+from swath.signals.crop_sensors import GrainImage as GrainImage
 from swath.signals.crop_sensors import LossReading as LossReading
+from swath.signals.crop_sensors import ReturnsReading as ReturnsReading
 from swath.signals.crop_sensors import YieldReading as YieldReading
 from swath.signals.drivetrain import EngineState as EngineState
 from swath.signals.drivetrain import MachineLoad as MachineLoad

@@ -28,3 +28,18 @@ class LossReading(Signal):
 
     separation: Annotated[float, Quantity("kg/s", "over the rotors")]
     cleaning: Annotated[float, Quantity("kg/s", "over the shoe")]
+
+
+@frozen
+class ReturnsReading(Signal):
+    """What comes back from the shoe as the sensor in the returns elevator reads it."""
+
+    flow: Annotated[float, Quantity("kg/s", "grain and other material")]
+
+
+@frozen
+class GrainImage(Signal):
+    """Grain on its way to the tank as a camera judges it."""
+
+    broken: Annotated[float, Quantity("", "broken, of the grain", span=SHARE)]
+    foreign: Annotated[float, Quantity("", "other material over the grain", span=SHARE)]

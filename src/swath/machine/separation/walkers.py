@@ -13,6 +13,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Port
+from swath.core.estimate import Estimate
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
 from swath.machine import SLOPES
@@ -26,10 +27,10 @@ Number = Annotated[float, Ge(0), Le(50)]
 
 @dataclass(frozen=True)
 class Params:
-    """Walkers. What is not cited is an estimate, its band in brackets.
+    """Walkers. What is not cited is an estimate.
 
     threshability: factor on the separation [1]; 1 = dry wheat
-    moisture_rate: separation goes with exp(-rate (M - 0.12)), M of the straw (2 to 4)
+    moisture_rate: separation goes with exp(-rate (M - 0.12)), M of the straw
     short_straw_speed: and with exp(-this (v - 1)^2) above the manual's speed of the drum, v over it
     short_straw_clearance: and so with its clearance
     crank_rad_s: speed of the crank; 22.5 rad/s is best at a radius of 50 mm
@@ -38,7 +39,7 @@ class Params:
     """
 
     threshability: Annotated[float, Gt(0.1), Le(3)] = 1.0
-    moisture_rate: Number = 2.5
+    moisture_rate: Annotated[Number, Estimate(2, 4)] = 2.5
     short_straw_speed: Number = 4.0
     short_straw_clearance: Number = 1.0
     crank_rad_s: Annotated[float, Gt(0), Le(100)] = 22.5

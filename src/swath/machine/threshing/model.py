@@ -15,6 +15,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, Outputs
+from swath.core.estimate import Estimate
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import MM, PERCENT, RPM
@@ -41,14 +42,14 @@ def coupled(ear: float, free: float, threshing: float, separation: float) -> tup
 class Params:
     """Drum and concave: how rates and breakage change with settings and moisture. v is the speed of the drum
     over that of the manual for the crop, c the manual's clearance over the one that is set, M the moisture.
-    What is not cited is an estimate, its band in brackets.
+    What is not cited is an estimate.
 
     threshability: factor on threshing and separation [1]; 1 = dry wheat
-    threshing_speed: threshing goes with v to this power (0.5 to 1.5)
-    threshing_clearance: and with c to this one (0.2 to 1)
-    separation_speed: separation goes with v to this power (0 to 1)
-    separation_clearance: and with c to this one (0 to 0.6)
-    moisture_rate: both go with exp(-rate (M - 0.12)), M of the straw (2 to 4)
+    threshing_speed: threshing goes with v to this power
+    threshing_clearance: and with c to this one
+    separation_speed: separation goes with v to this power
+    separation_clearance: and with c to this one
+    moisture_rate: both go with exp(-rate (M - 0.12)), M of the straw
     short_straw_speed: separation goes with exp(-this (v - 1)^2) above v = 1, where straw is broken up
     short_straw_clearance: and with exp(-this (c - 1)^2) below the manual's clearance
     short_speed: short straw on the shoe goes with v to this power
@@ -68,11 +69,11 @@ class Params:
     """
 
     threshability: Threshability = 1.0
-    threshing_speed: Power = 1.0
-    threshing_clearance: Power = 0.5
-    separation_speed: Power = 0.5
-    separation_clearance: Power = 0.3
-    moisture_rate: Annotated[float, Ge(0), Le(20)] = 2.5
+    threshing_speed: Annotated[Power, Estimate(0.5, 1.5)] = 1.0
+    threshing_clearance: Annotated[Power, Estimate(0.2, 1)] = 0.5
+    separation_speed: Annotated[Power, Estimate(0, 1)] = 0.5
+    separation_clearance: Annotated[Power, Estimate(0, 0.6)] = 0.3
+    moisture_rate: Annotated[float, Ge(0), Le(20), Estimate(2, 4)] = 2.5
     short_straw_speed: Annotated[float, Ge(0), Le(50)] = 4.0
     short_straw_clearance: Annotated[float, Ge(0), Le(50)] = 1.0
     short_speed: Power = 1.5

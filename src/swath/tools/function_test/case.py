@@ -25,6 +25,7 @@ from swath.documents.yaml_document import Document, read_mapping
 from swath.runtime.met import check_quantities
 from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
+from swath.scenario.slots import CATALOGUE as SLOTS
 from swath.scenario.versions import READ_BY
 from swath.tools.function_test.files import from_beside
 
@@ -42,6 +43,7 @@ class Varied:
     key: of the scenario, as after `--set`
     at: the values of the grid, without them the ends of the range, or the names of `sets`
     range: of values drawn
+    estimate: whether the range is the band of a key that is an estimate (`swath levels SLOT`)
 
     scale, offset: the key gets value * scale + offset
     sets: instead of a key, by value, the scenario keys and values that it stands for
@@ -54,6 +56,7 @@ class Varied:
     key: str = ""
     at: Annotated[list[Scalar], Field(min_length=1)] = field(default_factory=list)
     range: tuple[float, float] | None = None
+    estimate: bool = False
     scale: float = 1.0
     offset: float = 0.0
     sets: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -61,6 +64,8 @@ class Varied:
     buckets: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        if self.estimate:
+            object.__setattr__(self, "range", SLOTS.estimate_of(self.key))
         if self.range is not None and not self.range[0] < self.range[1]:
             raise InputError("range", list(self.range), "expected two numbers, the lower one first")
         if not self.at:
