@@ -1,12 +1,17 @@
 """Laws of drum, rotors and shoe: by hand, and the trends that manuals and measurements show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from swath.control.settings.climb import Climb
 from swath.control.settings.climb import Params as ClimbParams
+from swath.core.schedule import NS
+from swath.machine.cleaning import overload
 from swath.machine.cleaning.model import Params as ShoeParams
 from swath.machine.cleaning.model import shoe_loss
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.threshing.model import Drum, coupled, rate_factors
 from swath.machine.threshing.model import Params as DrumParams
 from swath.signals import FeedReading, LossReading, OrganSettings
@@ -42,6 +47,63 @@ def test_the_shoe_by_hand():
     losses = [100.0 * shoe_loss(p, 0.002, load, 0.0) for load in loads]
     assert loads[int(np.argmin(losses))] == pytest.approx(0.874, abs=2e-3)
     assert min(losses) == pytest.approx(0.185, abs=5e-4)
+
+
+def test_loss_over_load_by_hand():
+    """0.5 % at the knee, doubling every 15 %: 1 % at 1.15, 3 % at 1.388 of it."""
+    shoe = replace(drivetrain_of(site().machine).cleaning, loss=0.005, knee=1.0, doubling=0.15)
+    lost = [100.0 * overload.shoe_loss(load, shoe) for load in (0.8, 1.0, 1.15, 1.388)]
+    assert lost == pytest.approx([0.5, 0.5, 1.0, 3.0], rel=2e-3)
+
+
+def test_the_fan_by_hand():
+    """A tenth faster takes a third more power, where all of it is the fan's."""
+    power = [steady(keys={"cleaning": {"fan_share_percent": s}}, fan=1.1)[6] for s in (0.0, 100.0)]
+    shoe = drivetrain_of(site().machine).consumers.cleaning
+    assert (power[1] - power[0]) / shoe == pytest.approx(0.331, rel=1e-6)
+
+
+class Twentieth(overload.Shoe):
+    """Sends 5 % of all back."""
+
+    def _shares(self, flow, mog, h, inputs):
+        return overload.Shares(0.0, 0.05)
+
+
+def driven(row, seconds, h):
+    """What a row of organs gave in each step of an even flow."""
+    row.reset(STREAM)
+    grain, straw = (m * h for m in FLOW)
+    for k in range(round(seconds / h)):
+        fed = {"flow": (flow(k, grain, straw, h),), "state": state(k, 2.0 * k * h, 2.0)}
+        yield row.step(round(k * h * NS), round(h * NS), fed)["load"]
+
+
+def test_returns_by_hand():
+    """What comes back loads the shoe once more: 1 / (1 - 0.05) = 1.0526 of its grain."""
+    carried = []
+    for shoe in (overload.IdealShoe, Twentieth):
+        ideal = dict.fromkeys(("threshing", "separation"), "ideal")
+        row = Row(site(period=0.5), {**ideal, "cleaning": shoe(None, site(period=0.5))})
+        list(driven(row, 60.0, 0.5))
+        carried.append(row._given["process"]["cleaning"][0].grain)
+    assert carried[1] / carried[0] == pytest.approx(1.0526, abs=1e-4)
+
+
+def test_delays_by_hand():
+    """Knife to the rotors' loss 5.75 s, to the shoe 2.75 s and 1.5 s on it, to the tank 8.25 s and a lag of
+    2 s; a header's ends come 0.45 s later.
+    """
+    loads = list(driven(Row(site(period=0.05)), 30.0, 0.05))
+
+    def half(name):
+        flows = np.array([getattr(load, name) for load in loads])
+        return 0.05 * float(np.argmax(flows > 0.5 * flows[-1]))
+
+    spread, lag = (seconds * np.log(2.0) for seconds in (0.45, 2.0))
+    assert half("straw_flow") == pytest.approx(5.75 + spread, abs=0.2)
+    assert half("cleaning_loss") == pytest.approx(4.25 + spread, abs=0.5)
+    assert half("grain_flow") == pytest.approx(8.25 + spread + lag, abs=0.7)
 
 
 def test_rates_of_another_setting():

@@ -218,7 +218,8 @@ class Rotors(Organ):
         """At the settings after h [s]."""
         p, s = self._p, self._set.over_own(inputs, h)
         v, c, pace = s["drum"], 1.0 / s["concave"], s["vane"]
-        threshing, separation = rate_factors(p, v, c, straw_moisture)
+        harder = self._set.crop.rotors
+        threshing, separation = (harder * f for f in rate_factors(p, v, c, straw_moisture))
         late = pace**-p.vane_power
         short = p.short_percent * PERCENT * (v**p.short_speed * c**p.short_clearance * late)
         return Passage(threshing / pace, separation / pace, pace, min(short, 1.0), late, v * late)

@@ -68,6 +68,7 @@ class Walkers(Rotors):
         shaken = exp(-(((crank - BEST) / w.crank_width_rad_s) ** 2))
         _, side, up = map(float, inputs["state"].pose.numbers[1][2])
         level = max(1.0 - w.side_slope * abs(side / up), 0.1)
+        wet *= self._set.crop.walkers
         return Passage(threshing=0.0, separation=wet * exp(-short) * shaken * level)
 
 
