@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import atan, cos, sin
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +21,13 @@ from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import RPM, split_unit
 from swath.documents.data_sheets import Sheet
-from swath.field.field import Field
-from swath.field.moisture import Moisture
-from swath.field.site_setup import SiteSetup
 from swath.field_io.logs.machine_log import MachineLog, read_machine_log
 from swath.judge.evaluators.drivetrain import DIESEL
 from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
 from swath.signals import CropFlow, MachineLoad, MachineState
+from swath.tools.compare_log.no_field import site_of
 
 Array = NDArray[np.float64]
 
@@ -185,16 +182,6 @@ class Drive:
     flow_floor: float = 0.0
 
 
-class _Ground:
-    """Takes the straw and forgets it: a log has no field, and its crop is the machine's."""
-
-    stand = SimpleNamespace(crop="")
-    moisture, soil = Moisture(), None  # firm
-
-    def deposit_straw(self, polygon: Any, mass: float, /, *, heading: float | None = None) -> None:
-        """Nothing to do."""
-
-
 def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[MachineLoad]:
     """Where the crop is, at every record. The crop of a record went in evenly since the one before."""
     level = REGISTRY.get("process", drive.process)
@@ -203,7 +190,7 @@ def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[Ma
     loads: list[MachineLoad] = []
     grain = 0.0 if drive.whole_crop else 1.0
     straw = 1.0 if drive.whole_crop else drive.straw
-    process = level.component(params, _site(machine))
+    process = level.component(params, site_of(machine, 1.0))
     for t, dt, flow, speed, grade, is_first in _records(log):
         if is_first:
             process.reset(Stream(0, "log"))
@@ -231,7 +218,7 @@ def run_engine(
     for i, (t, dt, _, speed, grade, is_first) in enumerate(_records(log)):
         if is_first:
             own = replace(machine, header_width=widths[log.machine[i]])
-            engine = level.component(level.params(), _site(own))
+            engine = level.component(level.params(), site_of(own, 1.0))
             engine.reset(Stream(0, "log"))
         load = replace(loads[i], t=t + dt, tank_grain=grain)
         e = engine.step(t, dt, {"state": _state(t + dt, speed, grade), "load": load})["engine"]
@@ -251,10 +238,6 @@ def _largest_torque(drivetrain: Drivetrain) -> float:
 def _width(log: MachineLog, machine: int, default: float) -> float:
     widths = log.width[(log.machine == machine) & np.isfinite(log.width)]
     return float(np.median(widths)) if len(widths) else default
-
-
-def _site(machine: MachineSheet) -> SiteSetup:
-    return SiteSetup(cast(Field, _Ground()), machine, Pose.identity(), "left", 1.0)
 
 
 def _records(log: MachineLog) -> Any:

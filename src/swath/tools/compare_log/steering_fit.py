@@ -10,27 +10,24 @@ as it was.
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from math import atan2, cos, floor, sin, sqrt
+from math import atan2, cos, sin, sqrt
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
-from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.documents.validation import near_miss
-from swath.field.field import Field
-from swath.field.ground.footprint import Footprint
-from swath.field.site_setup import SiteSetup
 from swath.field_io.logs.steer_log import SteerLog, read_steer_log
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
 from swath.signals import SpeedCommand, SteerCommand, SteerState
+from swath.tools.compare_log.no_field import site_of
 
 Array = NDArray[np.float64]
 
@@ -38,7 +35,6 @@ Mask = NDArray[np.bool_]
 SETTLE = 3.0  # s: a stretch starts with wheels straight and tyres without slip, as the machine did not
 WINDOW = 10.0  # s: positions are compared over such times, place and heading at their start left free
 COARSEST = 0.05  # s between the steps of the motion
-NODE_M = 1000.0  # m between nodes of flat ground
 
 
 @dataclass(frozen=True)
@@ -51,27 +47,13 @@ class PathAlong:
     yaw: Array
 
 
-class _Level:
-    """Flat, firm ground; the machine's straw and grain are none."""
-
-    soil = None
-
-    def footprint(self, points: Any, *, groups: int) -> Footprint:
-        """Ground height under groups of points: 0."""
-
-        def around(u: float, v: float, room: float, turn: tuple[float, float]) -> tuple[int, int, Array]:
-            return floor(u) - 1, floor(v) - 1, np.zeros((4, 4))
-
-        return Footprint(points, (1.0, 0.0), NODE_M, around, groups=groups)
-
-
 def run_steering(machine: MachineSheet, log: SteerLog) -> Array:
     """Angle of the steered axle [rad] at every record, shape (n,), by the level `actuator`.
 
     A command holds from its record to the next one.
     """
     level = REGISTRY.get("steering", "actuator")
-    steering = level.component(level.params(), _site(machine))
+    steering = level.component(level.params(), site_of(machine, 0.01))
     clock = np.round(log.time * NS).astype(np.int64).tolist()
     command, starts = log.command.tolist(), log.starts.tolist()
     angle = np.empty(len(log))
@@ -101,7 +83,7 @@ def run_motion(machine: MachineSheet, log: SteerLog, angle: Array) -> PathAlong:
     for i, begins in enumerate(starts):
         if begins:
             params = level.params(start_speed_kmh=3.6 * min(max(speeds[i], 0.0), 11.0))
-            motion = level.component(params, _site(alone))
+            motion = level.component(params, site_of(alone, 0.01))
             state, zero, t = motion.reset(Stream(0, "log"))["state"], clock[i], 0
         else:
             end = clock[i] - zero
@@ -167,10 +149,6 @@ def _rows_of(window: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     order = np.argsort(window, kind="stable")
     order = order[window[order] >= 0]
     return np.split(order, np.flatnonzero(np.diff(window[order])) + 1) if len(order) else []
-
-
-def _site(machine: MachineSheet) -> SiteSetup:
-    return SiteSetup(cast(Field, _Level()), machine, Pose.identity(), "left", 0.01)
 
 
 FEWEST_BLOCKS = 6
