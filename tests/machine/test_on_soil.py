@@ -10,12 +10,14 @@ from swath.core.errors import InputError
 from swath.core.frames import Pose, rotation_rows
 from swath.field.field_setup import FieldSetup
 from swath.field.ground.soil import make_soil
+from swath.field.memory_layout import Organ
 from swath.judge.evaluator import EvaluatorSetup
 from swath.judge.evaluators.stuck import Stuck
 from swath.machine.machine_sheet import load_machine
 from swath.machine.motion import multibody, single_track
 from swath.machine.on_soil import OnSoil
 from swath.machine.soil import STUCK, Brixius, Grip
+from swath.rays.engine import RayCaster
 from swath.record.message_factory import RecordedMachine
 from swath.scenario.sections import SoilSection
 from swath.signals import MachineState, SpeedCommand, SteerState
@@ -179,3 +181,28 @@ def test_stuck_is_an_event_that_ends_the_run(spot):
         EvaluatorSetup(made_field(), {"combine": RecordedMachine("combine", SHEET, "left")}, "combine")
     )
     assert (firm.SIGNALS, firm.LIMITS, firm.metrics()) == ((), {}, {})
+
+
+def test_rays_and_pages_that_come_back_meet_the_ruts():
+    """A scanner looks at the rut of another machine; a page that was out of memory shows it again."""
+    field = soft_field(cone_index_kpa=600)
+    on = OnSoil(field, SHEET)
+    for way in np.arange(-6.0, 8.0, 0.1):
+        on.roll(0.0, way, 0.5 * np.pi, on.loads_at_rest())
+    y, wheel = np.linspace(-1.0, 1.0, 9), 0.5 * SHEET.front_track
+    eyes = np.column_stack([np.full(9, -wheel), y, np.full(9, 3.0)])
+    down = np.broadcast_to([0.0, 0.0, -1.0], (9, 3))
+
+    def grounds():
+        field.ensure(0.0, 0.0, 20.0)
+        hits = RayCaster(field).cast(eyes, down, range_max=5.0)
+        return (3.0 - hits.distance)[hits.organ == Organ.GROUND]
+
+    field.cut([(-6.0, -8.0), (6.0, -8.0), (6.0, 8.0), (-6.0, 8.0)], 0.0)
+    seen = grounds()
+    assert len(seen) > 4
+    np.testing.assert_allclose(seen, field.ground_height(-wheel, 0.0), atol=0.01)
+    assert seen.max() < -0.05
+    for page in list(field.store.keys):
+        field.store._drop(page)
+    np.testing.assert_array_equal(grounds(), seen)
