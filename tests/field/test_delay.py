@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from swath.core.witness import Estimate, agreed
+from swath.documents.witness import Estimate, agreed
 from swath.field_io.delay import estimate_delays, neighbour_pairs
 from swath.field_io.logs.log import read_log
 from tests.field.drawn_logs import draw

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra
-from swath.core.witness import Estimate, agreed
+from swath.documents.witness import Estimate, agreed
 from swath.field_io.logs.log import Log
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
-from swath.core.witness import Pair, judge, ratio
+from swath.documents.witness import Pair, judge, ratio
 from swath.field.maps.band import GROUND, check_ground, horizontal, read_band
 from swath.field.maps.projection import transform
 from swath.field.maps.raster import Raster, open_geotiff

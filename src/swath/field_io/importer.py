@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.files.read_file import open_to_read
 from swath.core.files.whole_file import write_whole
-from swath.core.witness import Pair, judge, outside, ratio
+from swath.documents.witness import Pair, judge, outside, ratio
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
 from swath.field.maps.projection import Origin, transform

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, some_of
-from swath.core.witness import Pair
+from swath.documents.witness import Pair
 from swath.field.maps.projection import known_crs, transform, utm_epsg
 from swath.field_io.logs.columns import UNITS, Column, ColumnMap
 from swath.field_io.logs.table import Table

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, capped
-from swath.core.witness import judge
+from swath.documents.witness import judge
 from swath.field.maps.projection import transform, utm_epsg
 from swath.field_io import trade
 from swath.field_io.logs.clock import (

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
-from swath.core.witness import Pair, judge, outside
+from swath.documents.witness import Pair, judge, outside
 from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
 from swath.field_io.logs.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap

@@ -25,7 +25,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.core.witness import Pair, judge
+from swath.documents.witness import Pair, judge
 from swath.record import positioning_messages as positioning
 from swath.record.message_factory import OPTICAL_FRAME
 from swath.record.read import feed as feeds

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.core.witness import Pair, judge, ratio
+from swath.documents.witness import Pair, judge, ratio
 
 
 def pair(residual, **more):
