@@ -2,6 +2,7 @@
 
 import gc
 import json
+import os
 import weakref
 
 import pytest
@@ -9,8 +10,8 @@ import pytest
 import swath
 from swath.core.errors import InputError, SwathError
 from swath.runtime import job
-from swath.runtime.workers import in_workers
-from tests.tools.fake_work import begin_fake, no_begin
+from swath.runtime.workers import in_workers, workers_kept
+from tests.tools.fake_work import begin_fake, begin_told, no_begin
 
 SETS = {
     "run.distance_m": 0.5,
@@ -131,6 +132,27 @@ def test_workers_take_jobs_and_tell_in_order_and_go_with_the_caller():
     assert len(taken) < 30
     found.close()
     assert [*in_workers([], begin_fake, 2)] == []
+
+
+def test_workers_wait_for_the_next_call_inside_a_block_and_end_with_it():
+    def told(jobs, begin=begin_told):
+        return {pid for _, pid in in_workers(jobs, begin, 1)}
+
+    with workers_kept():
+        (first,) = told([0, 0])
+        assert told([0]) == {first}
+        with workers_kept():
+            assert told([0]) == {first}
+        assert [*in_workers([4], begin_fake, 1)] == [(4, 40)]  # begun otherwise: another worker
+        left = in_workers([0, 0], begin_told, 1)
+        assert next(left) == (0, first)
+        left.close()
+        (second,) = told([0])
+        assert second != first  # what was left in the middle is not kept
+    for pid in (first, second):
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+    assert told([0]) != {second}
 
 
 def test_workers_that_cannot_begin_say_why():

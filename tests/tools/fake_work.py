@@ -25,6 +25,11 @@ def begin_fake():
     return lambda job: 10 * job
 
 
+def begin_told():
+    """What it is done by."""
+    return lambda job: os.getpid()
+
+
 def no_begin():
     """For workers that cannot begin."""
     raise RuntimeError("as a script without a main guard")

@@ -1,17 +1,20 @@
 """Worker processes that a job may kill: the job is named, no other is lost or blamed.
 
 Each worker has one job in hand. A worker that dies costs its job a strike and is replaced; the job is tried
-once more, after those that are there already.
+once more, after those that are there already. Workers end with the call that started them, or with the block
+`workers_kept` around several calls.
 """
 
 import multiprocessing as mp
 import os
+import pickle
 import signal
 import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from math import inf
 from multiprocessing import resource_tracker
@@ -117,6 +120,31 @@ class _Queue(Generic[T]):
         return (self._next or self.suspects).popleft()
 
 
+_kept: ContextVar[dict[bytes, list[_Worker[Any, Any]]] | None] = ContextVar("kept", default=None)
+
+
+@contextmanager
+def workers_kept() -> Iterator[None]:
+    """Inside the block workers wait for the next call that begins them alike, with all that they hold."""
+    if _kept.get() is not None:
+        yield
+        return
+    pools: dict[bytes, list[_Worker[Any, Any]]] = {}
+    token = _kept.set(pools)
+    try:
+        yield
+    finally:
+        _kept.reset(token)
+        _end([worker for pool in pools.values() for worker in pool])
+
+
+def _end(pool: Sequence[_Worker[Any, Any]]) -> None:
+    for worker in pool:
+        worker.ask_to_stop()
+    for worker in pool:
+        worker.stop()
+
+
 def in_workers(
     jobs: Iterable[T], begin: Begin[T, R], workers: int, *, in_order: bool = False
 ) -> Iterator[tuple[T, R | Lost]]:
@@ -125,7 +153,9 @@ def in_workers(
     begin: called in each worker, gives the function that does a job; all of these can be pickled
     Jobs are taken from the iterable when a worker is free. SwathError where no worker can begin.
     """
-    queue, pool = _Queue(jobs), list[_Worker[T, R]]()
+    queue, kept = _Queue(jobs), _kept.get()
+    alike = pickle.dumps((begin, present_gate()))
+    pool: list[_Worker[T, R]] = [] if kept is None else kept.pop(alike, [])
     through: dict[int, tuple[T, R | Lost]] = {}
     count = 0
     try:
@@ -157,12 +187,11 @@ def in_workers(
                 else:
                     through[job.number] = job.what, Lost(worker.process.exitcode)
             if not through and not any(w.is_busy for w in pool) and not queue.has(inf):
+                if kept is not None:
+                    kept[alike], pool = pool, []
                 return
     finally:
-        for worker in pool:
-            worker.ask_to_stop()
-        for worker in pool:
-            worker.stop()
+        _end(pool)
 
 
 def _ready(pool: Sequence[_Worker[T, R]]) -> list[_Worker[T, R]]:

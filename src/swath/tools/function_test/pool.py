@@ -4,6 +4,7 @@ Workers write their own journals, so a driver that is killed loses nothing.
 """
 
 import os
+import time
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
@@ -37,8 +38,10 @@ def _do(chunks: Iterable[Chunk], folder: Path, workers: int, done: Done, work: W
     """Do runs in chunks; those of chunks that ended their workers, one of which is to blame, come back."""
     journal = Journal(folder, f"driver-{os.getpid()}")  # for runs whose worker did not live to write
     lost: list[PlannedRun] = []
+    began = time.monotonic_ns()
     try:
-        for chunk, results in in_workers(chunks, partial(_begin, folder, work), workers):
+        jobs = ((folder, began, chunk) for chunk in chunks)
+        for (_, _, chunk), results in in_workers(jobs, partial(_begin, work), workers):
             if not isinstance(results, Lost):
                 for result in results:
                     done(result)
@@ -52,11 +55,19 @@ def _do(chunks: Iterable[Chunk], folder: Path, workers: int, done: Done, work: W
     return lost
 
 
-def _begin(folder: Path, work: Work) -> Callable[[Chunk], list[dict[str, Any]]]:
-    """What a worker process does with each chunk."""
-    journal, fields = Journal(folder, f"worker-{os.getpid()}"), KeptFields()
+def _begin(work: Work) -> Callable[[tuple[Path, int, Chunk]], list[dict[str, Any]]]:
+    """What a worker process does with each chunk, into its journal in the folder of the runs, which is opened
+    anew where others began: their plan may name other files.
+    """
+    journals, fields = dict[tuple[Path, int], Journal](), KeptFields()
 
-    def journaled(chunk: Chunk) -> list[dict[str, Any]]:
-        return [journal.add(result) for result in work(chunk, fields)]
+    def journaled(job: tuple[Path, int, Chunk]) -> list[dict[str, Any]]:
+        folder, began, chunk = job
+        if (folder, began) not in journals:
+            for journal in journals.values():
+                journal.close()
+            journals.clear()
+            journals[folder, began] = Journal(folder, f"worker-{os.getpid()}")
+        return [journals[folder, began].add(result) for result in work(chunk, fields)]
 
     return journaled

@@ -21,6 +21,7 @@ from swath.core.files.whole_file import write_whole
 from swath.core.random import Stream
 from swath.documents.validation import near_miss
 from swath.documents.yaml_document import dump
+from swath.runtime.workers import workers_kept
 from swath.signals import F64
 from swath.tools.function_test.candidates import SHIPPED
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
@@ -168,6 +169,7 @@ def runs_of(tune: Tune) -> int:
     return (tune.tries + 1) * tune.each + 2 * 2 * tune.proof
 
 
+@workers_kept()
 def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = None) -> Tuned:
     """Tune, and hold the winner against what was shipped; `done` is called with each new result.
 

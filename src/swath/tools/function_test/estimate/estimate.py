@@ -19,6 +19,7 @@ import numpy as np
 from swath.core.errors import Extra, InputError, SwathError
 from swath.core.files.whole_file import no_link
 from swath.core.random import Stream
+from swath.runtime.workers import workers_kept
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, Varied
 from swath.tools.function_test.estimate.rare import (
@@ -335,6 +336,7 @@ class _Rounds:
         return {name: distribution.value(float(share)) for (name, distribution), share in each}
 
 
+@workers_kept()
 def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client: Any = None) -> Estimated:
     """Do the runs that are not in the folder; `done` is called with each new result.
 

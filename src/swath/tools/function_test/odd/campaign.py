@@ -16,6 +16,7 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.files.output_folder import check_folder
 from swath.core.files.whole_file import copy_whole, write_whole
+from swath.runtime.workers import workers_kept
 from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Odd, read_odd
@@ -87,6 +88,7 @@ class Conducted:
         return causes_of(self.coverage, self.claim, is_complete=self.is_complete)
 
 
+@workers_kept()
 def conduct(
     folder: Path, campaign: Campaign, odd: Odd, workers: int, done: Done, client: Any = None
 ) -> Conducted:

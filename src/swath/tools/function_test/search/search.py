@@ -14,6 +14,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.documents.validation import near_miss
+from swath.runtime.workers import workers_kept
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of
 from swath.tools.function_test.journal import TABLE, Result, read_table
@@ -151,6 +152,7 @@ def ranges_of(case: Case) -> dict[str, tuple[float, float]]:
     return {name: varied.range for name, varied in case.file.vary.items() if varied.range is not None}
 
 
+@workers_kept()
 def run_search(
     folder: Path, search: Search, budget: int, workers: int, done: Done, client: Any = None
 ) -> Searched:
