@@ -244,3 +244,51 @@ def test_blocks_of_a_long_file_are_short(tmp_path):
     assert path.stat().st_size > 8 * FRAGMENT
     log = open_channels(path)
     assert max(len(times) for _, times, _ in log.blocks(["a", "b"])) * 24 <= FRAGMENT
+
+
+DBC = """VERSION ""
+BU_: A
+BO_ {number} Long: {size} A
+ SG_ Last : {bit}|16@1+ (0.5,0) [0|30000] "km/h" A
+BA_DEF_ "ProtocolType" STRING ;
+BA_DEF_DEF_ "ProtocolType" "";
+BA_ "ProtocolType" "J1939";
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
+BA_DEF_DEF_ "VFrameFormat" "";
+BA_ "VFrameFormat" BO_ {number} 3;
+"""
+
+
+def transported(pgn, source, data, to=255):
+    """Frames of a message: SAE J1939-21, begun by an announcement, or by a request to send to one."""
+    count, low = -(-len(data) // 7), to << 8 | source
+    head = bytes([32 if to == 255 else 16]) + len(data).to_bytes(2, "little") + bytes([count, 255])
+    padded = data + b"\xff" * (7 * count - len(data))
+    parts = [bytes([n + 1]) + padded[7 * n : 7 * n + 7] for n in range(count)]
+    frames = [(7 << 26 | 0xEC0000 | low, head + pgn.to_bytes(3, "little"))]
+    return frames + [(7 << 26 | 0xEB0000 | low, part) for part in parts]
+
+
+@pytest.mark.parametrize("size", [9, 14, 100, 1785])
+def test_a_message_of_several_frames_is_put_together(tmp_path, size):
+    """Three senders at once, one to a single destination; one message lacks a frame."""
+    rng = np.random.default_rng(size)
+    path, pgn = tmp_path / "long.blf", 0xFF21
+    number = 1 << 31 | 6 << 26 | pgn << 8
+    path.with_suffix(".dbc").write_text(DBC.format(number=number, size=size, bit=8 * size - 16))
+    speeds = rng.integers(0, 60_000, 4)
+    data = [rng.bytes(size - 2) + int(speed).to_bytes(2, "little") for speed in speeds]
+    streams = [transported(pgn, source, data[source], 7 if source == 2 else 255) for source in range(4)]
+    del streams[3][1]
+    order = rng.permutation(np.repeat(np.arange(4), [len(stream) for stream in streams]))
+    streams = [iter(stream) for stream in streams]
+    with can.Logger(path) as logger:
+        for n, source in enumerate(order):
+            identifier, part = next(streams[source])
+            frame = can.Message(arbitration_id=identifier, data=part, timestamp=0.01 * n, is_extended_id=True)
+            logger.on_message_received(frame)
+    log = open_channels(path)
+    found = {name: values.tolist() for name, _, values in log.blocks(log.units)}
+    assert found == {f"Last@{source:02X}": [0.5 * speeds[source]] for source in range(3)}
+    assert log.units["Last@00"] == "km/h"
+    assert log.notes["messages of several frames that lack one"] == 1

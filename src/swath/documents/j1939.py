@@ -13,6 +13,8 @@ from typing import Any
 GLOBAL = 255  # destination: everybody
 REQUEST = 0xEA00  # ask for a parameter group, 3 bytes: its PGN
 ADDRESS_CLAIMED = 0xEE00  # ISO 11783-5: whose address the source is, 8 bytes: its NAME
+TRANSPORT, TRANSPORT_DATA = 0xEC00, 0xEB00  # SAE J1939-21: begins a message of several frames; 7 bytes of it
+BEGINS = (16, 32)  # first byte of the former: request to send, and announcement to all
 TRACTOR_ECU = 240  # preferred addresses, ISO 11783-1
 NAVIGATION = 28
 HARVESTER = 7  # device classes, ISO 11783-1
@@ -41,6 +43,54 @@ def parse(identifier: int) -> Header:
     if _is_addressed(pgn):
         return Header(pgn & 0x3FF00, identifier >> 26 & 7, source, pgn & 0xFF)
     return Header(pgn, identifier >> 26 & 7, source)
+
+
+@dataclass
+class Transported:
+    """A message of several frames on its way. packets: that make it; data, count: of those so far."""
+
+    pgn: int
+    priority: int
+    size: int
+    packets: int
+    data: bytes = b""
+    count: int = 0
+
+
+class Transport:
+    """Messages of several frames out of their frames (SAE J1939-21, to one destination or to all).
+
+    lost: messages so far of which a frame lacked
+    """
+
+    def __init__(self) -> None:
+        self._on_way: dict[tuple[int, int], Transported] = {}
+        self.lost = 0
+
+    def take(self, identifier: int, data: bytes) -> tuple[int, bytes] | None:
+        """Take a frame; identifier and data of the message that is whole with it, as if it were one frame."""
+        header = parse(identifier)
+        way = header.source, header.destination
+        if header.pgn == TRANSPORT:
+            if len(data) == 8 and data[0] in BEGINS:
+                self.lost += way in self._on_way
+                size, pgn = int.from_bytes(data[1:3], "little"), int.from_bytes(data[5:8], "little")
+                self._on_way[way] = Transported(pgn, header.priority, size, data[3])
+            return None
+        message = self._on_way.get(way)
+        if message is None or not data:
+            return None
+        message.count += 1
+        if data[0] != message.count:
+            del self._on_way[way]
+            self.lost += 1
+            return None
+        message.data += data[1:]
+        if message.count < message.packets:
+            return None
+        del self._on_way[way]
+        whole = Header(message.pgn, message.priority, header.source, header.destination)
+        return whole.identifier, message.data[: message.size]
 
 
 def name(*, device_class: int, identity: int) -> bytes:

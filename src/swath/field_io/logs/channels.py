@@ -2,7 +2,7 @@
 
 Frames are decoded by a DBC file: that beside the log with its name, or the only one in its folder; else by
 the messages of ISO 11783 that come with swath. Files are read by blocks; a long one takes no more memory.
-Messages of more than one frame (J1939 transport) are not put together.
+Messages of several frames (J1939 transport) are put together, at the time of their last frame.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from swath.core.errors import Extra, InputError, SwathError
 from swath.core.files.read_file import check_readable, open_to_read
 from swath.core.units import UNITS, Unit
-from swath.documents.j1939 import dbc_file, parse, value_of
+from swath.documents.j1939 import TRANSPORT, TRANSPORT_DATA, Transport, dbc_file, parse, value_of
 from swath.field_io.logs.columns import unit_symbol
 
 Array = NDArray[np.float64]
@@ -200,7 +200,7 @@ class Bus:
     def __init__(self, path: Path, frames: Callable[[], Iterator[Frame]]) -> None:
         with Extra("can", "reading frames"):
             import cantools
-        self.path, self._frames = path, frames
+        self.path, self._of_file = path, frames
         self.notes: dict[str, int] = {}
         file = _database_of(path)
         try:
@@ -211,7 +211,7 @@ class Bus:
         self._messages: dict[tuple[int, bool], _Message | None] = {}
         self.units: dict[str, str] = {}
         first = last = None
-        for t, identifier, is_long, _ in frames():
+        for t, identifier, is_long, _ in self._frames():
             self._messages[identifier, is_long] = None
             first, last = t if first is None else min(first, t), t if last is None else max(last, t)
         self.begin, self.end = first or 0, last or 0
@@ -242,6 +242,18 @@ class Bus:
                 self.units[bare + end] = (signal.unit or "") + (RIGHT if is_right else "")
                 channels[signal.name] = bare + end
             self._messages[key] = _Message(message, channels, is_j1939)
+
+    def _frames(self) -> Iterator[Frame]:
+        """Frames, and messages of several frames in the place of their last one."""
+        transport = Transport()
+        for t, identifier, is_long, data in self._of_file():
+            if is_long and identifier >> 8 & 0x3FF00 in (TRANSPORT, TRANSPORT_DATA):
+                if (whole := transport.take(identifier, data)) is not None:
+                    yield t, whole[0], True, whole[1]
+            else:
+                yield t, identifier, is_long, data
+        if transport.lost:
+            self.notes["messages of several frames that lack one"] = transport.lost
 
     def samples(self, wanted: Collection[str]) -> Iterator[tuple[int, str, float]]:
         """(time [ns], channel, value), of all channels in the order of the file."""
