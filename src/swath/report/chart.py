@@ -3,6 +3,7 @@
 from swath.report.html import Html, escaped
 
 LEFT, BELOW, ABOVE = 66.0, 34.0, 8.0  # room for the names of the axes [px]
+LETTER = 7.5  # width of a letter of such a name, about [px]
 
 
 class Chart:
@@ -41,8 +42,10 @@ class Chart:
             for at, text, down in ((0.0, y[1], 0.0), (1.0, y[2], 11.0)):
                 self.text(0.0, at, text, anchor="end", right=-5.0, down=down)
             place = f"translate(-50 {height / 2:.0f}) rotate(-90)"
+            is_long = LETTER * len(y[0]) > height + ABOVE
+            fit = f' textLength="{height:.0f}" lengthAdjust="spacingAndGlyphs"' if is_long else ""
             self._marks.append(
-                f'<text class="name" transform="{place}" text-anchor="middle">{escaped(y[0])}</text>'
+                f'<text class="name" transform="{place}" text-anchor="middle"{fit}>{escaped(y[0])}</text>'
             )
 
     def _at(self, x: float, y: float) -> tuple[str, str]:

@@ -135,7 +135,7 @@ def _axis(name: str, values: Sequence[float], better: str) -> tuple[tuple[str, s
     """An axis with its ends, and where a value lies on it: the worst tenth at its end."""
     known = np.array([v for v in values if isfinite(v)] or [0.0])
     low, high = float(known.min()), float(np.quantile(known, 0.9))
-    high = max(high, values[-1] if isfinite(values[-1]) else high, low + 1e-9)
+    high = max(high, values[-1] if isfinite(values[-1]) else high, low + 0.01 * (abs(low) or 1.0))
     sign = -1.0 if better == "higher" else 1.0
 
     def at(value: float) -> float:

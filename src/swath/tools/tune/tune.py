@@ -337,13 +337,15 @@ def _check(tune: Tune) -> Draws:
 
 
 def _check_aims(tune: Tune, results: Sequence[Result]) -> None:
-    known = {MARGIN, *(name for result in results for name in result["metrics"])}
+    known = {MARGIN, *(n for result in results for n, v in result["metrics"].items() if v is not None)}
     errors = [result["reason"] for result in results if result["verdict"] == "error"]
     if len(errors) == len(results):
         raise InputError("cases", None, f"expected runs; every one came to an error, the first: {errors[0]}")
     for name in tune.directions:
         if name not in known:
-            raise InputError("--aim", name, f"expected a metric of the runs{near_miss(name, sorted(known))}")
+            raise InputError(
+                "--aim", name, f"expected a metric with a value in a run{near_miss(name, sorted(known))}"
+            )
 
 
 def command_of(tune: Tune, folder: Path) -> str:
