@@ -78,17 +78,17 @@ def test_penman_closes_the_balance_of_a_wet_surface(seed):
 
 def test_a_day_goes_from_dew_to_dry_straw():
     """Wet before sunrise, dry from late morning to evening."""
-    found, film = wetness.by_weather(Moisture(straw_moisture_percent="weather"), Summer(), 0.8)
+    found = wetness.by_weather(Moisture(straw_moisture_percent="weather"), Summer(), 0.8)
     at = {hour: found.at(round((hour - 12.0) * HOUR * NS))["straw_moisture"] for hour in (5, 8, 10, 13, 17)}
     assert at[5] > 0.2 > 0.16 > at[13]
     assert at[8] > at[10] > at[13]
     assert 0.08 < at[17] < 0.14
-    assert film.at(round(-7.0 * HOUR * NS)) > 0.3
-    assert film.at(round(3.0 * HOUR * NS)) == 0.0
+    assert wetness.film_share(at[5]) > 0.3
+    assert wetness.film_share(at[13]) == 0.0
 
 
 def test_rain_wets_at_noon():
-    rainy = wetness.by_weather(Moisture(straw_moisture_percent="weather"), Summer(rain=3.0), 0.8)[0]
+    rainy = wetness.by_weather(Moisture(straw_moisture_percent="weather"), Summer(rain=3.0), 0.8)
     assert rainy.at(0)["straw_moisture"] > 0.3
 
 
@@ -96,5 +96,5 @@ def test_without_weather_it_is_an_error_and_numbers_stay():
     with pytest.raises(InputError, match="weather"):
         wetness.by_weather(Moisture(straw_moisture_percent="weather"), None, 0.8)
     given = Moisture(straw_moisture_percent=17.0)
-    assert wetness.by_weather(given, None, 0.8) == (given, None)
-    assert made_field().film is None
+    assert wetness.by_weather(given, None, 0.8) is given
+    assert made_field().film(0) == 0.0

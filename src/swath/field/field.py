@@ -36,7 +36,7 @@ from swath.field.plume import Puffs
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.weather import SiteWeather
-from swath.field.wetness import by_weather
+from swath.field.wetness import by_weather, film_share
 from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Field:
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         said: Moisture = getattr(stand, "moisture", Moisture())
-        self.moisture, self.film = by_weather(said, weather, crop_height)
+        self.moisture = by_weather(said, weather, crop_height)
         self.weather = weather
         self.plumes: dict[str, Puffs] = {}  # by machine
         self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw, weather)
@@ -111,6 +111,10 @@ class Field:
         parts = {"field.terrain": self.terrain, "field.stand": self.stand}
         said = [f"{key}: {n}" for key, p in parts.items() if isinstance(p, HasNotes) for n in p.notes]
         return [*said, *self._moved]
+
+    def film(self, t: int) -> float:
+        """Share of the straw that water covers at a time of the run [ns]."""
+        return film_share(self.moisture.at(t)["straw_moisture"])
 
     @property
     def pages(self) -> Pages:

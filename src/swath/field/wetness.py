@@ -6,11 +6,12 @@ The film on the stand [kg/m2] goes by Penman 1948 (doi:10.1098/rspa.1948.0037) w
 
 Rn net radiation, D slope of the vapour at saturation, g = 0.66 hPa/K; LE < 0 is dew. The straw itself follows
 the humidity of the air with a lag of 1.5 h (estimate): 8 to 20 % of its dry mass at humidities of 0.12 to
-0.89, measured on maize stalks, straight on beyond. A film darkens straw of reflectance r to
-r / (n^2 (1 - r) + r), n = 1.33 (Angstrom 1925). The papers were not read here; no stand was compared.
+0.89, measured on maize stalks, straight on beyond. What is more than it holds in damp air lies on it, and
+darkens a reflectance r to r / (n^2 (1 - r) + r), n = 1.33 (Angstrom 1925). The papers were not read here; no
+stand was compared.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,17 +36,10 @@ STEP = 300.0  # [s]
 SQUARE_INDEX = 1.33**2  # of water
 
 
-@dataclass(frozen=True)
-class Film:
-    """Share of the straw that a film covers, by hour of the day; start: hour at which the run starts."""
-
-    hours: F64
-    shares: F64
-    start: float
-
-    def at(self, t: int) -> float:
-        """Share at a time of the run [ns]."""
-        return float(np.interp(self.start + t / NS / HOUR, self.hours, self.shares, period=DAY))
+def film_share(straw_moisture: float) -> float:
+    """Share of the straw that water covers: what is beyond its hold in damp air lies on it as a film."""
+    content = straw_moisture / (1.0 - straw_moisture)
+    return min(max((content - balance_content(1.0)) * STRAW / HELD, 0.0), 1.0)
 
 
 def darkened(reflectance: Any, share: float) -> F64:
@@ -92,12 +86,10 @@ def day_of(weather: SiteWeather, start: float, height: float) -> tuple[F64, F64,
     return hours, films, contents
 
 
-def by_weather(
-    moisture: Moisture, weather: SiteWeather | None, height: float
-) -> tuple[Moisture, Film | None]:
-    """Moisture of a stand, of its straw that of the weather where it says so; and the film on it."""
+def by_weather(moisture: Moisture, weather: SiteWeather | None, height: float) -> Moisture:
+    """Moisture of a stand, of its straw that of the weather where it says so."""
     if moisture.straw_moisture_percent != BY_WEATHER:
-        return moisture, None
+        return moisture
     key = "field.stand.straw_moisture_percent"
     if weather is None:
         raise InputError(key, BY_WEATHER, "expected field.weather beside it")
@@ -108,5 +100,4 @@ def by_weather(
     water = content * STRAW + film
     percents = (water / (STRAW + water) / PERCENT).tolist()
     pairs = tuple(zip(hours.tolist(), percents, strict=True))
-    found = replace(moisture, straw_moisture_percent=pairs, start_hour=start)
-    return found, Film(hours, film / HELD, start)
+    return replace(moisture, straw_moisture_percent=pairs, start_hour=start)

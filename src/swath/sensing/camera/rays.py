@@ -254,7 +254,7 @@ class SceneCamera(KeepsState):
             pixel_angle=1.0 / self.pinhole.focal,
             seed=self.setup.field.maker.seed,
             photo=self._photo,
-            film=0.0 if (film := self.setup.field.film) is None else film.at(t),
+            film=self.setup.field.film(t),
         )
 
     @property

@@ -87,8 +87,8 @@ class PlantsLidar(ScanningLidar):
         distance = hits.distance.astype(np.float64)
         distance[distance < self.sheet.range_min] = np.nan
         reflectance = hits.reflectance
-        if self.setup.field.film is not None:
-            wet = darkened(reflectance, self.setup.field.film.at(t))
+        if (film := self.setup.field.film(t)) > 0.0:
+            wet = darkened(reflectance, film)
             reflectance = np.where(hits.organ == Organ.SOLID, reflectance, wet)
         albedo = (reflectance * hits.cosine).astype(np.float64)
         air = self.air(t, origins, axes[:, :, 0])
