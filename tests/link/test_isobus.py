@@ -18,6 +18,7 @@ from swath.link.can.bus import open_bus
 from swath.link.can.isobus import ADDRESS, DATA, IsobusMachine
 from swath.link.can.task_client import Datum, TaskClient, object_pool
 from swath.runtime.assembly import assemble
+from swath.runtime.changes import Interventions
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 from tests.link.can_rig import own_bus
@@ -235,7 +236,10 @@ def test_a_task_controller_gets_the_description_and_the_values_it_asks_for():
     ]
     assert controller.masters[0] == (ADDRESS, bytes([1, *[0xFF] * 7]))
     pool = read_pool(controller.pool)
-    assert {o["ddi"] for o in pool.values() if o["kind"] == "DPD"} == {141, 397, 149, 67, 116, 87, 90, 99}
+    assert {o["ddi"] for o in pool.values() if o["kind"] == "DPD"} == {
+        *(141, 397, 149, 67, 116, 87, 90, 99),
+        *(93, 96, 98),
+    }
     flows = [v for how, element, ddi, v in controller.values if (how, element, ddi) == (3, 1, 87)]
     grain = [s.flow for _, s in seen["combine.crop_flow.grain"]]
     assert 15 <= len(flows) <= 33  # every 0.5 s of the run, as long as it is active
@@ -250,7 +254,7 @@ def test_a_task_controller_gets_the_description_and_the_values_it_asks_for():
     widths = [v for how, element, ddi, v in controller.values if (how, element, ddi) == (3, 1, 67)]
     assert len(widths) == 1
     refused = [(ddi, v & 0xFF) for how, _, ddi, v in controller.values if how == 0xD]
-    assert refused == [(9999, 2), (87, 8)]  # no such data; what is measured is not set
+    assert refused == [(9999, 2), (87, 16)]  # no such data; what is measured is not set
     assert controller.heard.count(0xFF) >= 4  # the client's status every 2 s
     assert controller.heard[-1] == 0x81  # switched off
 
@@ -376,3 +380,43 @@ def test_a_run_on_the_command_line_has_the_machine_on_the_bus(tmp_path):
 def test_a_bus_that_is_none_is_refused(word, said, tmp_path, capsys):
     assert main(["run", "feed-rate", "--isobus", word, "--out", str(tmp_path / "run")]) == 2
     assert said in capsys.readouterr().err
+
+
+ORGANS = ["combine.process.level=organs", "combine.settings=fixed"]
+
+
+def with_organs(script, seconds=9.0):
+    """The bundled scenario feed-rate with organs, changes and a task controller: (controller, run)."""
+    where = own_bus()
+    controller = Controller(where, script)
+    world = assemble(load_scenario("feed-rate", sets=[*QUICK, *ORGANS]))
+    observers, changes, hook = [], Interventions(world), IsobusMachine(where)
+    try:
+        hook.begin(SimpleNamespace(world=world, observers=observers, changes=changes))
+        world.graph.before_tick.append(lambda t: time.sleep(0.002))
+        drive(world, observers, until_s=seconds)
+        hook.close()
+        world.close()
+    finally:
+        controller.close()
+    return controller, changes
+
+
+def test_a_task_controller_sets_the_organs_and_reads_what_they_come_to():
+    script = [(4, 0, ddi, 500) for ddi in (243, 251, 255, 250)]
+    script += [(3, 0, 250, 9), (3, 0, 254, 12_500), (3, 0, 242, 5), (3, 0, 246, 4_000), (3, 0, 251, 9)]
+    controller, changes = with_organs(script)
+    keys = {event["set"].rpartition(".")[2]: event["value"] for event in changes.events}
+    assert keys == {"concave_mm": 9.0, "fan_rpm": 750.0, "lower_sieve_mm": 5.0}
+    values = {
+        ddi: [v for how, _, d, v in controller.values if (how, d) == (3, ddi)] for ddi in (251, 255, 250, 243)
+    }
+    assert values[250][-1] == values[251][-1] == 9  # mm, set and come to
+    assert values[251][0] > 9
+    assert values[255][-1] == pytest.approx(12_500, abs=1)
+    assert values[243][-1] == 5
+    refused = [(ddi, v & 0xFF) for how, _, ddi, v in controller.values if how == 0xD]
+    assert refused == [(246, 16), (251, 16)]  # further open than a sieve is; what is measured is not set
+    pool = {o["ddi"]: o["properties"] for o in read_pool(controller.pool).values() if o["kind"] == "DPD"}
+    assert {ddi for ddi, flags in pool.items() if flags & 0b10} == {242, 246, 250, 254}
+    assert {243, 247, 251, 255, 93, 96, 98} <= set(pool)

@@ -23,6 +23,7 @@ from swath.signals.settings import CROPS, own_settings
 S = TypeVar("S", bound=Signal)
 ENGINE = Port("engine", EngineState, optional=True)
 SETTINGS = Port("settings", OrganSettings, optional=True)
+ACTUAL = Port("actual", OrganSettings)
 JOINED = 0.02  # transports join what entered within this time [s], or this share of their length
 SHARED = ("unthreshed", "free", "broken", "straw", "short", "chaff")  # fields of what is in transport
 OF_STREAM = attrgetter(*SHARED)
@@ -84,7 +85,7 @@ class Setting(KeepsState):
     names: of `OrganSettings`; rates: how fast each moves, in SI per second; own: the manual's values
     """
 
-    kept = ("_now",)
+    kept = ("_now", "_told")
 
     def __init__(self, setup: SiteSetup, **rates: float) -> None:
         self._works, self._crop, self._rates = setup.machine.works, str(setup.field.stand.crop), rates
@@ -92,10 +93,11 @@ class Setting(KeepsState):
         self._rest, self._ones = {name: self.own[name] for name in rates}, dict.fromkeys(rates, 1.0)
         self.crop = CROPS.get(self._crop, CROPS["wheat"])
         self._now: dict[str, float] | None = None
+        self._told: dict[str, float] | None = None
 
     def clear(self) -> None:
         """They begin where they are first wanted."""
-        self._now = None
+        self._now = self._told = None
 
     def over_own(self, inputs: Inputs, h: float) -> dict[str, float]:
         """Every setting over the manual's after h [s] towards what `settings` wants."""
@@ -108,6 +110,14 @@ class Setting(KeepsState):
         steps = {name: rate * h for name, rate in self._rates.items()}
         self._now = {n: now[n] + min(max(wanted[n] - now[n], -step), step) for n, step in steps.items()}
         return {name: value / self.own[name] for name, value in self._now.items()}
+
+    def moved(self, t: int) -> dict[str, OrganSettings]:
+        """The output `actual` at t [ns]: what they have come to, where it changed and somebody sets them."""
+        now = self._now
+        if now is None or now is self._rest or now == self._told:
+            return {}
+        self._told = now
+        return {"actual": OrganSettings(t, **now)}
 
 
 class Organ(KeepsState):

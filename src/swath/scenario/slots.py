@@ -113,6 +113,7 @@ def _organ(name: str, level: str, streams: tuple[str, ...], wires: Mapping[str, 
         10.0,
         (*(Port(stream, CropStream) for stream in streams), Port("work", OrganWork)),
         {**wires, "engine": ("powertrain", "engine"), "settings": ("settings", "settings")},
+        more=(Port("actual", OrganSettings),),
         link_adapter=f"swath.machine.organ:linked_{name}",
     )
 

@@ -3,15 +3,18 @@
 Messages of ISO 11783-7 and J1939 on the clock of the run: EEC1 every 20 ms, EEC2 every 50 ms, wheel- and
 ground-based speed and the state of the header (front hitch) every 100 ms; the client is in task_client.py.
 Values are what the machine's own sensors and control units send, never the truth; what it does not measure
-is `not available` or no part of the description.
+is `not available` or no part of the description. What `settings: fixed` wants of the organs a task controller
+may set: each is a change of the run, kept among its events.
 """
 
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
+from swath.control.settings.fixed import UNITS
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
+from swath.core.units import MM
 from swath.documents import j1939
 from swath.link.can import guidance
 from swath.link.can.bus import Node, Where
@@ -19,7 +22,18 @@ from swath.link.can.codec import Values
 from swath.link.can.task_client import PROCESS_DATA, TP_CONTROL, TP_DATA, Datum, TaskClient
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
-from swath.signals import CropFlow, EngineState, GroundSpeed, HeaderState, Odometry, Signal, YieldReading
+from swath.signals import (
+    CropFlow,
+    EngineState,
+    GroundSpeed,
+    HeaderState,
+    LossReading,
+    Odometry,
+    OrganSettings,
+    Signal,
+    YieldReading,
+)
+from swath.signals.settings import NAMES, own_settings
 
 ENGINE, LOAD, HEADER = "ElectronicEngineController1", "ElectronicEngineController2", "FrontHitchStatus"
 EVERY = {ENGINE: NS // 50, LOAD: NS // 20, guidance.WHEEL: NS // 10}
@@ -27,7 +41,8 @@ MOST_HEARD = 1000  # messages between two ticks: a bus that is flooded does not 
 ADDRESS = 128  # the first that a control function may choose itself (ISO 11783-5)
 IN_WORK_M = 0.5  # a knife lower than that is at work: the standard leaves the threshold to the maker
 DIESEL_KG_L = 0.835  # EN 590: 0.820 to 0.845 at 15 degrees
-RPM = 60.0 / (2.0 * 3.141592653589793)
+TURN = 2.0 * 3.141592653589793  # [rad]
+RPM = 60.0 / TURN
 DATA = (  # DDI and scale: ISO 11783-11 as in the public dictionary, isobus.net
     Datum(141, 0, "work state", 1.0, ""),
     Datum(397, 0, "speed", 1e-3, "m/s"),
@@ -37,9 +52,15 @@ DATA = (  # DDI and scale: ISO 11783-11 as in the public dictionary, isobus.net
     Datum(87, 1, "grain flow", 1e-6, "kg/s"),
     Datum(90, 1, "grain", 1.0, "kg"),
     Datum(99, 1, "moisture", 1e-4, "%"),
+    Datum(93, 0, "loss per area", 1e-6, "kg/m2"),
+    Datum(96, 0, "loss", 1e-6, "kg/s"),
+    Datum(98, 0, "loss of the grain", 1e-4, "%"),
 )
+WANTED = {242: "lower_sieve_mm", 246: "upper_sieve_mm", 250: "concave_mm", 254: "fan_rpm"}
+"""DDI of a setting as it is wanted -> key of `settings: fixed`; the next DDI is of the setting as it is."""
+NAME_OF = dict(zip(UNITS, NAMES, strict=True))
 NEEDS = {141: CropFlow, 397: Odometry, 149: EngineState, 67: CropFlow, 116: CropFlow, 87: YieldReading,
-         90: YieldReading, 99: YieldReading}  # fmt: skip
+         90: YieldReading, 99: YieldReading, 93: LossReading, 96: LossReading, 98: LossReading}  # fmt: skip
 TASK_PGNS = frozenset((PROCESS_DATA, TP_CONTROL, TP_DATA))
 
 
@@ -58,14 +79,15 @@ class IsobusMachine(RunHook):
         self.close()
         machines = run.world.machines.values()
         machine = next((m for m in machines if m.cuts), run.world.leader)
-        self._machine, self._latest = machine, {}
+        self._run, self._machine, self._latest = run, machine, {}
+        self._wanted, self._actual = OrganSettings(0), dict[str, float]()
         self._way = self._grain = self._area = 0.0
         self._before: int | None = None
         self._due = dict.fromkeys(EVERY, 0)
         self._has_guidance = any(c.level == "can" for c in machine.section.slots.values())
         self._node = Node(self._where, ADDRESS, device_class=j1939.HARVESTER, raw=TASK_PGNS)
         self._client = TaskClient(
-            self._send_raw, data_of(machine), self._node.name, machine.name, *_header_mm(machine)
+            self._send_raw, data_of(machine), self._node.name, machine.name, *_header_mm(machine), self._put
         )
         self._node.claim()
         run.observers.append(self._see)
@@ -93,8 +115,23 @@ class IsobusMachine(RunHook):
     def _see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         if slot.partition(".")[0] != self._machine.name:
             return
-        for signal in outputs.values():
-            self._latest[type(signal)] = signal
+        for output, signal in outputs.items():
+            if output == "actual" and isinstance(signal, OrganSettings):
+                self._actual |= {n: value for n in NAMES if (value := getattr(signal, n)) == value}
+            elif isinstance(signal, OrganSettings):
+                self._wanted = signal
+            else:
+                self._latest[type(signal)] = signal
+
+    def _put(self, ddi: int, value: float) -> bool:
+        """Set what is wanted of an organ, in the unit of the value; False where that cannot be."""
+        key, (slot,) = WANTED[ddi], self._machine.slots_of("settings")
+        wanted = float(f"{value * _unit(key)[0] / UNITS[key]:.6g}")
+        try:
+            self._run.changes.set(self._run.world.graph.t, f"{self._machine.name}.{slot}.{key}", wanted)
+        except SwathError:
+            return False
+        return True
 
     def _tick(self, t: int) -> None:
         self._integrate(t)
@@ -157,6 +194,18 @@ class IsobusMachine(RunHook):
             found[149] = 3600.0 * engine.fuel / DIESEL_KG_L
         if grain is not None:
             found |= {87: grain.flow, 90: self._grain, 99: 100.0 * grain.moisture}
+        loss: LossReading | None = self._latest.get(LossReading)
+        if loss is not None:
+            lost = found[96] = loss.separation + loss.cleaning
+            if grain is not None and grain.flow + lost > 0.0:
+                found[98] = 100.0 * lost / (grain.flow + lost)
+            if (rate := found.get(67, 0.0) * found.get(397, 0.0)) > 0.0:
+                found[93] = lost / rate
+        crop, works = str(self._run.world.field.stand.crop), self._machine.sheet.works
+        wanted = own_settings(works, crop, self._wanted)
+        for ddi, key in WANTED.items():
+            name, unit = NAME_OF[key], _unit(key)[0]
+            found |= {ddi: wanted[name] / unit, ddi + 1: self._actual.get(name, wanted[name]) / unit}
         return {ddi: value for ddi, value in found.items() if value == value}
 
     def _send(self, name: str, values: Values) -> None:
@@ -172,8 +221,23 @@ class IsobusMachine(RunHook):
 
 def data_of(machine: Machine) -> tuple[Datum, ...]:
     """What a machine can report: of what its parts send."""
-    sent = {port.signal for part in machine.parts.values() for port in part.outputs}
-    return tuple(datum for datum in DATA if NEEDS[datum.ddi] in sent)
+    ports = {slot: part.outputs for slot, part in machine.parts.items()}
+    sent = {port.signal for of in ports.values() for port in of}
+    found = [datum for datum in DATA if NEEDS[datum.ddi] in sent]
+    for slot in machine.slots_of("settings"):
+        is_fixed = machine.section.slots[slot].level == "fixed"
+        for ddi, key in WANTED.items():
+            name, (_, scale, unit) = NAME_OF[key], _unit(key)
+            found.append(Datum(ddi, 0, f"{name} wanted", scale, unit, is_fixed))
+            organ = "threshing" if name == "concave" else "cleaning"
+            if any(port.name == "actual" for port in ports.get(organ, ())):
+                found.append(Datum(ddi + 1, 0, f"{name} as it is", scale, unit))
+    return tuple(found)
+
+
+def _unit(key: str) -> tuple[float, float, str]:
+    """Of the data of a setting: in SI, its scale, as shown."""
+    return (TURN, 1e-3, "1/s") if key == "fan_rpm" else (MM, 1.0, "mm")
 
 
 def header_values(header: HeaderState | None, has_header: bool) -> Values:

@@ -30,6 +30,10 @@ SETTABLE, DEFAULT = 0b10, 0b01
 Send = Callable[[int, bytes, int], None]
 
 
+def _nothing_is_set(ddi: int, value: float) -> bool:
+    return False
+
+
 @dataclass(frozen=True)
 class Datum:
     """What the machine reports.
@@ -38,6 +42,7 @@ class Datum:
     element: 0 the machine, 1 its header
     scale: unit of the data over that of the value
     unit: of the value, as shown
+    is_set: a task controller may set it
     """
 
     ddi: int
@@ -45,6 +50,7 @@ class Datum:
     name: str
     scale: float
     unit: str
+    is_set: bool = False
 
 
 @dataclass
@@ -66,6 +72,7 @@ class TaskClient:
 
     designator: of the device
     width_mm, offset_mm: of the header, and how far ahead of the axle its knife is
+    put: sets a value, DDI and value, False where that cannot be
     """
 
     send: Send
@@ -74,6 +81,7 @@ class TaskClient:
     designator: str
     width_mm: int
     offset_mm: int
+    put: Callable[[int, float], bool] = _nothing_is_set
     controller: int | None = None
     state: str = "waiting"
     asked_at: int = 0
@@ -208,13 +216,17 @@ class TaskClient:
         self.reports.clear()
 
     def _command(self, data: bytes, t: int, values: Mapping[int, float]) -> None:
-        """A request for a value, once or by itself; everything else is not done."""
+        """A request for a value, once or by itself, or a value to set; everything else is not done."""
         how, element, ddi = data[0] & 0xF, data[0] >> 4 | data[1] << 4, data[2] | data[3] << 8
         number = int.from_bytes(data[4:8], "little", signed=True)
-        if not any((d.element, d.ddi) == (element, ddi) for d in self.data):
+        asked = next((d for d in self.data if (d.element, d.ddi) == (element, ddi)), None)
+        if asked is None:
             self._not_done(element, ddi, 0b00000100 if any(d.ddi == ddi for d in self.data) else 0b00000010)
         elif how == ASK_VALUE:
             self._value(element, ddi, values.get(ddi, 0.0))
+        elif how == VALUE:
+            if not (asked.is_set and self.put(ddi, number * asked.scale)):
+                self._not_done(element, ddi, 0b00010000)
         elif how not in SUPPORTED:
             self._not_done(element, ddi, 0b00001000)
         elif number <= 0:
@@ -267,7 +279,8 @@ def object_pool(
         )
     for datum in data:
         number, unit = numbers[datum.element, datum.ddi], unit_of[datum.scale, datum.unit]
-        head = b"DPD" + struct.pack("<HHBB", number, datum.ddi, DEFAULT, TRIGGERS)
+        flags = DEFAULT | SETTABLE if datum.is_set else DEFAULT
+        head = b"DPD" + struct.pack("<HHBB", number, datum.ddi, flags, TRIGGERS)
         objects.append(head + _text(datum.name) + struct.pack("<H", unit))
     for number, ddi, value, title in ((width, 70, width_mm, "width"), (offset, 134, offset_mm, "ahead")):
         objects.append(

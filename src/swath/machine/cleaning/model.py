@@ -15,14 +15,14 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs
+from swath.core.component import Inputs, Outputs
 from swath.core.registry import Level
 from swath.core.units import MM, PERCENT, RPM
 from swath.field.site_setup import SiteSetup
 from swath.machine.cleaning import overload
 from swath.machine.cleaning.overload import RETURNS_MAX, Shares, Shoe, shoe_load
 from swath.machine.drivetrain_sheet import threshing_of
-from swath.machine.organ import SETTINGS, Setting, ratio_of
+from swath.machine.organ import ACTUAL, SETTINGS, Setting, ratio_of
 
 Rate = Annotated[float, Ge(0), Le(50)]
 
@@ -67,6 +67,7 @@ class AirShoe(Shoe):
 
     kept = (*Shoe.kept, "_set")
     inputs = (*Shoe.inputs, SETTINGS)
+    outputs = (*Shoe.outputs, ACTUAL)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
@@ -80,6 +81,10 @@ class AirShoe(Shoe):
         """Empty it; settings as they are first wanted."""
         super().start()
         self._set.clear()
+
+    def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
+        """Clean what leaves the sieves within dt."""
+        return {**super().step(t, dt, inputs), **self._set.moved(t + dt)}
 
     def _shares(self, flow: float, mog: float, h: float, inputs: Inputs) -> Shares:
         p, s = self._p, self._set.over_own(inputs, h)

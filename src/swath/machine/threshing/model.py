@@ -21,7 +21,18 @@ from swath.core.schedule import NS
 from swath.core.units import MM, PERCENT, RPM
 from swath.field.site_setup import SiteSetup
 from swath.machine.drivetrain_sheet import drivetrain_of, threshing_of
-from swath.machine.organ import ENGINE, SETTINGS, Organ, Setting, crop, given, moisture, ratio_of, sent
+from swath.machine.organ import (
+    ACTUAL,
+    ENGINE,
+    SETTINGS,
+    Organ,
+    Setting,
+    crop,
+    given,
+    moisture,
+    ratio_of,
+    sent,
+)
 
 Threshability = Annotated[float, Ge(0.2), Le(3)]
 Power = Annotated[float, Ge(-5), Le(5)]
@@ -108,7 +119,7 @@ class Drum(Organ):
 
     kept = ("_set",)
     inputs = (crop("fed"), crop("back"), ENGINE, SETTINGS)
-    outputs = given("over", "through")
+    outputs = (*given("over", "through"), ACTUAL)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         drivetrain = drivetrain_of(setup.machine)
@@ -146,6 +157,7 @@ class Drum(Organ):
             "over": sent(t + dt, h, over, wet),
             "through": sent(t + dt, h, through, wet),
             "work": self.work(t + dt, h, grain, mog, power=power, blockage=layer / p.blocks_at),
+            **self._set.moved(t + dt),
         }
 
     def breakage(self, v: float, c: float, layer: float, moisture: float) -> float:
