@@ -64,7 +64,12 @@ WHERE = {
     "beside-cart stems_per_m2=400": "scan_filter.peer_body",
     "organs by=sieves": "cleaning.model settings.fixed",
     "organs by=walkers": "separation.walkers",
-    "settings-climb concave_mm=8": "settings.climb",
+    "settings-climb by=climb": "settings.climb",
+    "organs-dense patch_per_m2=650": "threshing.model separation.model",
+    "organs-hours at=8 h": "feeder.model",
+    "organs-slope slope_percent=10": "cleaning.model",
+    "organs-weeds plants_per_m2=10": "feeder.model cleaning.model",
+    "organs-concave clearance=close": "settings.fixed",
     "organs by=plain": "process.organs feeder.model threshing.model separation.model "
     "cleaning.overload returns.model",
     "turn-circle speed_kmh=7": "steer.constant",
