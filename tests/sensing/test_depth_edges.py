@@ -40,7 +40,7 @@ class Walls:
 
 def scanner(far=FAR, **params):
     quiet = {"sensor": "sick-lms111", "sector_deg": (-10, 10), "sub_rays": 61, "noise": "none"}
-    field = SimpleNamespace()
+    field = SimpleNamespace(weather=None, plumes={}, film=lambda t: 0.0)
     machine = load_machine("lexion-700-class")
     setup = SiteSetup(field=field, machine=machine, start=Pose.identity(), edge_side="left", period=0.02)
     lidar = PlantsLidar(Params(mount=Mount(z_m=1.0), **(quiet | params)), setup)
