@@ -10,6 +10,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.runtime.credibility import NEVER_CHECKED
 from swath.signals import Scan
 from swath.tools.compare_log.steering_fit import compare_steering
 from swath.tools.distributions import wasserstein1
@@ -22,6 +23,7 @@ from swath.tools.function_test.field_plan.plan import (
     FieldPlan,
     alike,
     choose,
+    conditions_of,
     draw,
     places_of,
     plan_field,
@@ -251,6 +253,19 @@ def test_levels_are_compared_by_what_scanners_see(case_file, tmp_path):
     asked = FieldPlan(str(case_file), metric=SCANS, pairs=8, runs=2, other=("field.stand.height_factor=0.7",))
     found = plan_field(tmp_path / "a", asked, 1, lambda result: None)
     assert all(0.02 < c.apart < 1.0 for c in found.conditions)
+
+
+def test_what_was_met_and_never_checked_counts_of_the_parts_that_are_compared(case_file):
+    points = draw(read_case(case_file), None, 4, 1)
+    never = {"combine.lidar": ["rain_mm_h"], "combine.process": ["other_crop"]}
+    results = [
+        {"point": p, "verdict": "pass", "expect": [], "metrics": {"x": float(n * k)}, NEVER_CHECKED: never}
+        for n, p in enumerate(points)
+        for k in (0, 1)
+    ]
+    lidar = conditions_of(results, "x", None, ("combine.lidar.level=plants",))
+    assert all(c.unchecked == ["combine.lidar rain_mm_h"] for c in lidar)
+    assert not any(c.unchecked for c in conditions_of(results, "x", None, ("combine.speed.speed_kmh=5",)))
 
 
 def test_a_dossier_says_what_is_not_shown_and_shows_the_evidence(tmp_path, monkeypatch):

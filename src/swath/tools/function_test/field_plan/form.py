@@ -14,6 +14,7 @@ from swath.scenario.scenario import Scenario
 from swath.tools.function_test.case import Point, Scalar
 from swath.tools.function_test.evidence import Evidence
 from swath.tools.function_test.field_plan.plan import PAIRS, Planned
+from swath.tools.function_test.field_plan.seen import SCANS
 from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.session import open_session
 
@@ -30,10 +31,10 @@ MEASURED_BY: Mapping[str, str] = {  # by the end of a scenario key
     "radius_m": "RTK track of the edge", "angle_deg": "RTK track of the edge",
     "edge_side": "side of the crop, written down", "light": "lux meter, and where the sun stands",
 }  # fmt: skip
-SCANS = "scans with poses: MCAP, ROS bag or table, RTK (swath compare scans)"
+CLOUDS = "scans with poses: MCAP, ROS bag or table, RTK (swath compare scans)"
 STEERING = "steering angle and command, speed, yaw rate or RTK positions, 4 a second (swath compare log)"
 ENGINE = "speed, crop flow, engine load or fuel, one a second (swath compare log)"
-LOGS = {"lidar": SCANS, "motion": STEERING, "powertrain": ENGINE}  # by the kind of a slot
+LOGS = {"lidar": CLOUDS, "motion": STEERING, "powertrain": ENGINE}  # by the kind of a slot
 PLAYED = ("off", "truth", "ideal", "constant", "kinematic")  # levels that say nothing a log could refute
 
 
@@ -74,7 +75,7 @@ def logs(scenario: Scenario) -> list[str]:
 def why(planned: Planned, number: int) -> str:
     """Why a pass is proposed."""
     condition = planned.passes[number].condition
-    metric = planned.asked.metric
+    metric = f"{SCANS} [m]" if planned.asked.metric == SCANS else planned.asked.metric
     said = [f"levels differ by {abs(condition.apart):.3g} in {metric}, usually by {planned.usual:.3g}"]
     if condition.unchecked:
         said.append(f"never checked there: {', '.join(condition.unchecked)}")

@@ -152,7 +152,7 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
         session = Session(folder / PAIRS, plan)
         session.write()
         session.do(workers, done, client)
-    conditions = conditions_of(session.results(), asked.metric, found)
+    conditions = conditions_of(session.results(), asked.metric, found, other)
     scale = spread(case, conditions)
     passes = choose(case, conditions, scale, asked.runs, known)
     return Planned(folder, asked, case, other, conditions, passes, _usual(conditions))
@@ -192,8 +192,13 @@ def draw(case: Case, found: Conducted | None, count: int, seed: int) -> list[dic
     raise InputError("odd", case.name, "expected conditions inside the ODD")
 
 
-def conditions_of(results: Sequence[Result], metric: str, found: Conducted | None = None) -> list[Condition]:
-    """What the pairs of runs show. InputError where they show nothing."""
+def conditions_of(
+    results: Sequence[Result], metric: str, found: Conducted | None = None, other: Sequence[str] = ()
+) -> list[Condition]:
+    """What the pairs of runs show. other: changes whose slots count where they were never checked.
+
+    InputError where they show nothing.
+    """
     verdicts = {cell.places: cell.verdict for cell in found.cells()} if found else {}
     out: list[Condition] = []
     for a, b in zip(results[::2], results[1::2], strict=True):
@@ -203,7 +208,12 @@ def conditions_of(results: Sequence[Result], metric: str, found: Conducted | Non
         if not values:
             continue
         apart = inf if len(values) == 1 else float(np.mean(np.abs(values[1] - values[0])))
-        never = {f"{slot} {name}" for slot, names in a.get(NEVER_CHECKED, {}).items() for name in names}
+        never = {
+            f"{slot} {name}"
+            for slot, names in a.get(NEVER_CHECKED, {}).items()
+            for name in names
+            if any(text.startswith((f"{slot}.", f"{slot}=")) for text in other)
+        }
         unchecked = sorted({f"{slot} {quantity}" for slot, quantity, _ in beyond(a)} | never)
         out.append(Condition(a["point"], apart, _unshown(a, found, verdicts), unchecked))
     known = [abs(c.apart) for c in out if c.apart < inf]
