@@ -32,8 +32,9 @@ def driven(cleaning):
     return scenario, loads, world.field.recount()
 
 
-def test_a_sieve_as_an_fmu_equals_the_part(tmp_path):
-    scenario, own, _ = driven({"level": "overload"})
+@pytest.mark.parametrize("level", ["overload", "model"])
+def test_a_sieve_as_an_fmu_equals_the_part(tmp_path, level):
+    scenario, own, _ = driven({"level": level})
     export_fmu(scenario, ["combine.cleaning"], tmp_path / "sieve.fmu")
     _, loads, missing = driven({"level": "fmu", "file": str(tmp_path / "sieve.fmu")})
     assert len(own) == len(loads) > 150
