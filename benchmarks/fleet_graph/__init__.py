@@ -11,9 +11,8 @@ compares plans, some with machines parked; `as_schedule` has exact bodies along 
 
 To replace that planner it lacks
 
-- short ways between passes: rounds are taken side by side with ways back at corners, where a leg that is
-  driven through, or a turn made for the corner, takes a third of the time; the nearest lane is not always
-  the best;
+- short ways between passes: a third of a combine's time, since turns lead to the nearest lanes alone and only
+  corners of rounds have a way made for them;
 - an end in every plan, most with ponds, whose rings need a way that is opened first;
 - trailers as they come: one is in line at each node, with `SWING_M` more room in turns; where it is not,
   exact paths can meet in an order that the plan does not have (counted as circles, and the next plan is

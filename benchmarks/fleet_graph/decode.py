@@ -392,6 +392,8 @@ class Decoder:
             way = None
             if far < INF and k.time + far <= late:
                 begin = max(k.time, min(until, late) - 1.3 * far - 40.0)
+                if taken_back and not self.res.is_free(k.number, self.res.edges + k.node, k.time, begin):
+                    begin = k.time  # others pass where it would wait
                 way = self.res.way(k.number, k.node, [(goal, until, 0.0, late, 0.0)], begin, 8000)
             if way is not None:
                 if taken_back:

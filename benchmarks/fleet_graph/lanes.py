@@ -31,6 +31,8 @@ CELL_M = 24.0  # of passes, about
 NODE_M = 26.0  # between poses of lanes
 FAR_M = 62.0  # longest turn
 BACK_M = (8.0, 16.0, 28.0)  # back from the end of a pass that leads against crop
+CORNER_M = 30.0  # between passes that meet in a corner
+ON_M = (0.0, 4.0, 8.0, 12.0)  # straight before and behind a bend that is driven back
 LINE_M = 7.0  # straight at the end of turns of a trailer
 SWING_M = 0.4  # more room on each side of a trailer in turns
 OPENS_M = 120.0  # over which a combine opens a way into standing crop
@@ -483,6 +485,8 @@ class Lanes:
             known.update(pairs)
             self.rolls(pairs, most=3.0 * FAR_M)
         self._ways_in(g, outs, known)
+        if not self.groups[g].is_cart:
+            self._corners(g)
 
     def _ways_in(self, g: int, outs: list[int], known: set[tuple[int, int]]) -> None:
         """Turns to where a round is begun, past standing crop."""
@@ -519,6 +523,44 @@ class Lanes:
                 self.edges[e].spent += 2.0 * self.groups[g].spec.drive.shift
                 rows = sorted((self._turn_m(n, b), b) for b in flows if b != n)
                 self._roll_clear(g, [(n, b) for d, b in rows[:14] if d < FAR_M], rest, 2)
+
+    def _corners(self, g: int) -> None:
+        """From the end of a headland pass to where one begins about a corner: on, back in a bend, and on."""
+        spec = self.groups[g].spec
+        if spec.drive.backwards <= 0.0:
+            return
+        heads = [c for c in self.chains if c.group == g and c.is_headland]
+        pairs: dict[tuple[int, int], list[tuple[float, float]]] = {}
+        for a in heads:
+            end = self.nodes[a.nodes[-1]][1]
+            for b in heads:
+                start = self.nodes[b.nodes[0]][1]
+                turned = abs(math.remainder(start.heading - end.heading, 2.0 * math.pi))
+                if a.number != b.number and math.dist(end[:2], start[:2]) < CORNER_M and 0.5 < turned < 2.7:
+                    pairs[a.nodes[-1], b.nodes[0]] = [(f, h) for f in ON_M for h in ON_M]
+        rows = [(a, b, f, h) for (a, b), each in pairs.items() for f, h in each]
+        if not rows:
+            return
+        flipped = [0.0, 0.0, math.pi]
+        begins = np.array([self.nodes[a][1].ahead(f)[:3] for a, _, f, _ in rows]) + flipped
+        goals = np.array([self.nodes[b][1].ahead(-h)[:3] for _, b, _, h in rows]) + flipped
+        found: dict[tuple[int, int], list[tuple[float, list[tuple[float, float]]]]] = {}
+        for (a, b, f, h), pieces in zip(rows, shortest_turns(begins, goals, spec.drive), strict=True):
+            bend = math.fsum(abs(k * d) for k, d in pieces)
+            if pieces and bend < 3.2:
+                back = math.fsum(d for _, d in pieces)
+                whole = [(0.0, f), *((-k, -d) for k, d in pieces), (0.0, h)]
+                time = (f + h) / spec.drive.turning + back / spec.drive.backwards
+                found.setdefault((a, b), []).append((time, [p for p in whole if abs(p[1]) > 1e-9]))
+        for (a, b), ways in found.items():
+            made = 0
+            for _, pieces in sorted(ways)[:6]:
+                e = self.edge(a, b, g, driven(self.nodes[a][1], pieces, spec.body), "way")
+                if e >= 0:
+                    self.edges[e].spent += 4.0 * spec.drive.shift
+                    made += 1
+                if made == 3:
+                    break
 
     def _roll_clear(self, g: int, pairs: list[tuple[int, int]], crop: Any, most: int) -> None:
         """The fastest turns that keep off crop."""
