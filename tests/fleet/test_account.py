@@ -172,7 +172,7 @@ def test_a_browser_plays_it(done, tmp_path: Path):
             browser.ask("document.getElementById('play').click()")
             moved = f"swath.time > {0.5 * (begin + end)} || Date.now() > stop"
             look = f"const look = () => ({moved} ? done() : setTimeout(look, 100)); look();"
-            browser.ask(f"new Promise((done) => {{ const stop = Date.now() + 10000; {look} }})")
+            browser.ask(f"new Promise((done) => {{ const stop = Date.now() + 60000; {look} }})")
             later = browser.ask("swath.time")
             browser.ask("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'b', bubbles: true}))")
             assert browser.told == []
