@@ -96,8 +96,14 @@ def test_a_file_gives_the_weather_between_its_hours(tmp_path):
     assert air.wind == pytest.approx((0.0, 2.0 * cos(np.radians(10.0))))  # north between 350 and 10 deg
     assert weather.at(9 * HOUR).rain == 6.0
     assert weather.may_be_dim
-    for row, expected in (("12,-1", "rain_mm_h = -1"), ("12,", "rain_mm_h: expected a number")):
-        file.write_text(f"hour,rain_mm_h\n{row}\n")
+    for text, expected in (
+        ("hour,rain_mm_h\n12,-1", "rain_mm_h = -1"),
+        ("hour,rain_mm_h\n12,", "rain_mm_h: expected a number"),
+        ("hour,rain\n12,1", r"rain: unknown column, did you mean 'rain_mm_h'.*:1\)"),
+        ("hour,rain_mm_h\n12,1\n11,1", r"hour = 11.*rise \(.*:3\)"),
+        ("hour,rain_mm_h\n3,1\n4,1", "time = .* within the hours of the file, 3 to 4"),
+    ):
+        file.write_text(text + "\n")
         with pytest.raises(InputError, match=expected):
             SiteWeather(Weather(time=NOON, file=str(file)))
 

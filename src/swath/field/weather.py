@@ -29,8 +29,8 @@ from pydantic import ValidationError
 from swath.core.errors import Extra, InputError
 from swath.core.schedule import NS
 from swath.core.units import DEG, PERCENT
-from swath.documents.number_table import read_numbers
-from swath.documents.validation import adapter_of
+from swath.documents.number_table import column_names, read_numbers
+from swath.documents.validation import adapter_of, near_miss
 from swath.field.field_setup import from_azimuth
 from swath.field.maps.projection import Origin
 
@@ -58,7 +58,7 @@ class Weather:
     time: when the run starts, such as `2026-07-25T13:34+02:00`; with the place of the field it gives the sun
         (extra `light`)
     file: CSV with the column `hour`, hours of the day of `time`, and any of the keys above that are numbers,
-        taken instead of them, linear between rows
+        taken instead of them, linear between rows; of several rows the first and last hour enclose `time`
     """
 
     rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
@@ -161,7 +161,7 @@ class SiteWeather:
         rows, start = self._rows, self.start
         if rows is None or start is None:
             return self.params
-        hour = start.hour + start.minute / 60.0 + (start.second + t / NS) / 3600.0
+        hour = _hour(start) + t / NS / 3600.0
         found: dict[str, Any] = {
             name: float(np.interp(hour, rows["hour"], rows[name])) for name in rows if name != "hour"
         }
@@ -241,6 +241,11 @@ def _moment(text: str) -> datetime:
     return moment
 
 
+def _hour(moment: datetime) -> float:
+    """Hour of its day."""
+    return moment.hour + moment.minute / 60.0 + moment.second / 3600.0
+
+
 def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np.ndarray]:
     """Columns of the file, hours rising, the wind as a vector. InputError for what no weather can be."""
     path = folder / str(params.file)
@@ -248,9 +253,20 @@ def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np
         raise InputError(
             "field.weather.time", None, "expected the time at which the run starts, for the file"
         )
+    for name in column_names(path):
+        if name not in ("hour", *COLUMNS):
+            raise InputError(name, None, f"unknown column{near_miss(name, COLUMNS)}", file=path, line=1)
     rows = read_numbers(path, ["hour"], COLUMNS)
-    if len(rows["hour"]) == 0 or (np.diff(rows["hour"]) <= 0.0).any():
-        raise InputError("hour", None, "expected at least one row, hours that rise", file=path)
+    hours = rows["hour"]
+    if len(hours) == 0:
+        raise InputError("hour", None, "expected at least one row", file=path)
+    if falls := np.flatnonzero(np.diff(hours) <= 0.0).tolist():
+        row = falls[0] + 1
+        raise InputError("hour", float(hours[row]), "expected hours that rise", file=path, line=row + 2)
+    begin = _hour(start)
+    if len(hours) > 1 and not hours[0] <= begin <= hours[-1]:
+        expected = f"expected a time within the hours of the file, {hours[0]:g} to {hours[-1]:g}"
+        raise InputError("field.weather.time", params.time, expected, file=path)
     for name, column in rows.items():
         if not np.isfinite(column).all():
             raise InputError(name, None, "expected a number in every row", file=path)
