@@ -9,9 +9,12 @@ from swath.control.edge.feet.lean_ramp import LeanRamp
 HEIGHT, OVERHANG = 0.85, 0.04  # m
 
 
-def told(rng, tilt, rays):
-    """(share, feet [m], slope) of a stand whose stems lean inward by a tangent, from independent rays."""
-    place, height = rng.uniform(-1.3, 1.3, rays), rng.uniform(0.15, HEIGHT, rays)
+def told(rng, tilt, rays, stop=(0.15, HEIGHT)):
+    """(share, feet [m], slope) of a stand whose stems lean inward by a tangent, from independent rays.
+
+    stop: heights between which rays are stopped [m]
+    """
+    place, height = rng.uniform(-1.3, 1.3, rays), rng.uniform(*stop, rays)
     height = np.where(place > tilt * height, height, 0.02)
     counts, ramp = np.zeros((PLACES, CLASSES)), LeanRamp()
     np.add.at(counts, (((place + HALF) / CELL).astype(int), ((height - LOWEST) / LAYER).astype(int)), 1.0)
@@ -33,3 +36,8 @@ def test_a_stand_that_leans_in_is_one_once_its_rays_are_many():
     assert few[:, 0].mean() < 0.8
     assert many[:, 0].min() > 0.8
     assert many[:, 2].mean() == pytest.approx(0.22, abs=0.03)  # its begin is not that of its last stems
+
+
+def test_layers_that_stop_no_ray_say_nothing():
+    with np.errstate(all="raise"):
+        assert told(np.random.default_rng(3), 0.35, 6000, stop=(0.4, 0.56)) == (0.0, 0.0, 0.0)

@@ -77,7 +77,7 @@ class LeanRamp(Clears):
         stopped, rays = above[:, layer], above[:, 0]
         inside = _PLACE > WITHIN
         most = stopped[inside].sum(axis=0) / max(float(rays[inside].sum()), 1.0)
-        if float(most[1]) < 0.5:
+        if float(most[1]) < 0.5 or not most.all():
             return 0.0, 0.0, 0.0
         missing, rays_of = _open(stopped[_WALL], rays[_WALL], WHOLE * most)
         rays_of = rays_of / alike
