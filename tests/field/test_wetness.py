@@ -6,7 +6,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.field import wetness
-from swath.field.heat import resistance, saturation
+from swath.field.heat import STRAW_ABSORBS, STRAW_EMITS, resistance, saturation
 from swath.field.moisture import HOUR, Moisture
 from swath.field.weather import KELVIN, Air, Sun
 from tests.field.made_field import made_field
@@ -71,8 +71,8 @@ def test_penman_closes_the_balance_of_a_wet_surface(seed):
         over = (latent / per_hpa - lack) / slope  # Ts - Ta at which so much evaporates
         sensible = wetness.HEAT * over / ra
         net = latent + sensible
-        expected = wetness.ABSORBED * wetness.light(elevation, 0.0).watts
-        expected += wetness.EMISSIVITY * (wetness.sky_radiation(air) - wetness.BOLTZMANN * t**4)
+        expected = STRAW_ABSORBS * wetness.light(elevation, 0.0).watts
+        expected += STRAW_EMITS * (wetness.sky_radiation(air) - wetness.BOLTZMANN * t**4)
         assert net == pytest.approx(expected, abs=1e-6)
 
 

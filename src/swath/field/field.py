@@ -52,9 +52,12 @@ class Field:
         by `stand_yaw` [rad] about z
     edges: of the crop at the start, by name
     crop_height, seen_height: usual ones of the crop, standing upright [m]: of its tips, as a scanner sees it
-        grain: on the ground; moisture: of the stand; wind: what sways it; the library and the pages know
-        nothing of it; weather: None = the scenario says nothing of it. Pages come into memory by `ensure`,
-        and by themselves where any verb touches the field.
+    grain: on the ground
+    moisture: of the stand
+    wind: what sways the stand; the library and the pages know nothing of it
+    weather: None = the scenario says nothing of it
+
+    Pages come into memory by `ensure`, and by themselves where any verb touches the field.
     """
 
     def __init__(

@@ -14,6 +14,7 @@ from swath.field.weather import KELVIN, Air
 BOLTZMANN = 5.670374419e-8  # [W/m2K4]
 HEAT = 1.2 * 1005.0  # of air, density times heat capacity [J/m3K]
 KARMAN, CALM = 0.41, 0.5  # least wind [m/s]
+STRAW_ABSORBS, STRAW_EMITS = 0.65, 0.96  # of sunlight, at 8 to 14 um: estimates
 
 
 def saturation(temperature: float) -> float:

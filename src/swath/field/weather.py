@@ -161,7 +161,7 @@ class SiteWeather:
         rows, start = self._rows, self.start
         if rows is None or start is None:
             return self.params
-        hour = _hour(start) + t / NS / 3600.0
+        hour = hour_of(start) + t / NS / 3600.0
         found: dict[str, Any] = {
             name: float(np.interp(hour, rows["hour"], rows[name])) for name in rows if name != "hour"
         }
@@ -241,7 +241,7 @@ def _moment(text: str) -> datetime:
     return moment
 
 
-def _hour(moment: datetime) -> float:
+def hour_of(moment: datetime) -> float:
     """Hour of its day."""
     return moment.hour + moment.minute / 60.0 + moment.second / 3600.0
 
@@ -263,7 +263,7 @@ def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np
     if falls := np.flatnonzero(np.diff(hours) <= 0.0).tolist():
         row = falls[0] + 1
         raise InputError("hour", float(hours[row]), "expected hours that rise", file=path, line=row + 2)
-    begin = _hour(start)
+    begin = hour_of(start)
     if len(hours) > 1 and not hours[0] <= begin <= hours[-1]:
         expected = f"expected a time within the hours of the file, {hours[0]:g} to {hours[-1]:g}"
         raise InputError("field.weather.time", params.time, expected, file=path)

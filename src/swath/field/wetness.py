@@ -19,16 +19,23 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
-from swath.field.heat import BOLTZMANN, HEAT, resistance, saturation, sky_radiation
+from swath.field.heat import (
+    BOLTZMANN,
+    HEAT,
+    STRAW_ABSORBS,
+    STRAW_EMITS,
+    resistance,
+    saturation,
+    sky_radiation,
+)
 from swath.field.light import light
 from swath.field.moisture import DAY, HOUR, Moisture
-from swath.field.weather import Air, SiteWeather
+from swath.field.weather import Air, SiteWeather, hour_of
 from swath.signals import F64
 
 BY_WEATHER = "weather"  # in place of a number
 LATENT = 2.45e6  # heat of evaporation [J/kg]
 PSYCHROMETRIC = 0.66  # [hPa/K]
-ABSORBED, EMISSIVITY = 0.65, 0.96  # of straw, as `sensing/camera/thermal.py`
 HELD = 0.3  # most film [kg/m2], an estimate
 STRAW = 0.6  # dry straw of the stand [kg/m2], an estimate
 LAG = 1.5 * HOUR  # of straw behind the air [s]
@@ -50,8 +57,8 @@ def darkened(reflectance: Any, share: float) -> F64:
 
 def latent_heat(air: Air, elevation: float, height: float) -> float:
     """Heat that evaporates water from a wet stand of a height [m], < 0 = dew [W/m2]; sun at an elevation."""
-    t, net = air.temperature, ABSORBED * light(elevation, air.cloud).watts
-    net += EMISSIVITY * (sky_radiation(air) - BOLTZMANN * air.temperature**4)
+    t, net = air.temperature, STRAW_ABSORBS * light(elevation, air.cloud).watts
+    net += STRAW_EMITS * (sky_radiation(air) - BOLTZMANN * air.temperature**4)
     slope = 0.5 * (saturation(t + 1.0) - saturation(t - 1.0))
     lack = HEAT * (1.0 - air.humidity) * saturation(t) / resistance(air, height)
     return (slope * net + lack) / (slope + PSYCHROMETRIC)
@@ -95,7 +102,7 @@ def by_weather(moisture: Moisture, weather: SiteWeather | None, height: float) -
         raise InputError(key, BY_WEATHER, "expected field.weather beside it")
     start = moisture.start_hour
     if weather.start is not None:
-        start = weather.start.hour + weather.start.minute / 60.0
+        start = hour_of(weather.start)
     hours, film, content = day_of(weather, start, height)
     water = content * STRAW + film
     percents = (water / (STRAW + water) / PERCENT).tolist()

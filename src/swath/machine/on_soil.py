@@ -8,8 +8,9 @@ import numpy as np
 
 from swath.core.component import KeepsState
 from swath.core.errors import InputError
+from swath.core.units import KPA
 from swath.field.field import Field
-from swath.field.ground.soil import KPA, Soil, Strip
+from swath.field.ground.soil import Soil, Strip
 from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, loaded, masses_of
 from swath.machine.soil import Brixius, Grip
 from swath.machine.tyre import GRAVITY

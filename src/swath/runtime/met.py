@@ -14,10 +14,10 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.signal import Signal
+from swath.core.units import KPA
 from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
-from swath.field.ground.soil import KPA
 from swath.machine.on_soil import DEFAULT_KPA
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine

@@ -1,10 +1,9 @@
 """Dust on the window of a scanner: what settles on it, what it takes from each beam, what takes it off.
 
 Of the light 1 - 0.3437 erf(0.17 m^0.8473) comes through m g/m2 (Coello and Boyle 2019,
-doi:10.1109/JPHOTOV.2019.2919628), there and back the square. That is solar glass, which keeps what is
-scattered
-forward: a scanner loses more. An upright window catches a tenth of the dust that falls past it and a share of
-what the air carries against it; both are estimated.
+doi:10.1109/JPHOTOV.2019.2919628), there and back the square. That is solar glass, which
+keeps what is scattered forward: a scanner loses more. An upright window catches a
+tenth of the dust that falls past it and a share of what the air carries against it; both are estimated.
 """
 
 from dataclasses import dataclass
@@ -57,7 +56,7 @@ def transmission(mass: F64) -> F64:
 class Window(KeepsState):
     """The window of one scanner. mass: of the dust before each beam [g/m2], (n,)."""
 
-    kept: ClassVar[tuple[str, ...]] = ("mass", "_t", "_place", "_told")
+    kept: ClassVar[tuple[str, ...]] = ("mass", "_t", "_place", "_warned")
 
     def __init__(self, params: Params, count: int) -> None:
         self.params, self._count = params, count
@@ -67,7 +66,7 @@ class Window(KeepsState):
         """As at the start of a run."""
         self.mass = np.full(self._count, self.params.dust_g_m2)
         self._t, self._place = 0, np.full(3, np.nan)
-        self._told: dict[str, float] = {}
+        self._warned: dict[str, float] = {}
 
     def step(self, t: int, field: Field, place: F64, directions: F64) -> F64:
         """Let dust settle up to t [ns]: light that comes through before each beam, one way (n,).
@@ -100,10 +99,10 @@ class Window(KeepsState):
         worst = float(through.min()) / PERCENT
         for state, limit in (("warning", p.warning_percent), ("error", p.error_percent)):
             if worst < limit:
-                self._told.setdefault(state, t / NS)
+                self._warned.setdefault(state, t / NS)
         return through
 
     @property
     def notes(self) -> list[str]:
         """The warnings that the scanner gave."""
-        return [f"lidar: {state} of its dirty window from {t:.0f} s on" for state, t in self._told.items()]
+        return [f"lidar: {state} of its dirty window from {t:.0f} s on" for state, t in self._warned.items()]

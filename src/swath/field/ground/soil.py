@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.portable import power
+from swath.core.units import KPA
 from swath.field.field_setup import FieldSetup
 from swath.field.maps.band import Quantity
 from swath.field.maps.raster import Raster
@@ -22,7 +23,6 @@ from swath.field.paging.pages import PageStore
 from swath.field.paging.stored_changes import Key
 
 Array = NDArray[np.float64]
-KPA = 1e3
 CONE_INDEX = Quantity("cone index in kPa", None, 10.0, 1e5, called=r"cone|penetr|strength")
 
 

@@ -30,7 +30,15 @@ from swath.core.frames import Pose
 from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.field.heat import BOLTZMANN, HEAT, resistance, sky_radiation, wind_of
+from swath.field.heat import (
+    BOLTZMANN,
+    HEAT,
+    STRAW_ABSORBS,
+    STRAW_EMITS,
+    resistance,
+    sky_radiation,
+    wind_of,
+)
 from swath.field.light import light
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
@@ -44,7 +52,8 @@ FIRST, SECOND = 3.741771852e-16, 1.438776877e-2  # radiation constants [W m2, m 
 BAND = 8e-6, 14e-6  # [m]
 CENTIKELVIN = 100.0  # counts per kelvin of `raw`
 # absorbed of sunlight, emissivity at 8 to 14 um, share of the net radiation that goes elsewhere: estimates
-DRY, SOIL, GREEN, THING = (0.65, 0.96, 0.05), (0.75, 0.94, 0.3), (0.8, 0.97, 0.7), (0.6, 0.93, 0.1)
+DRY = STRAW_ABSORBS, STRAW_EMITS, 0.05
+SOIL, GREEN, THING = (0.75, 0.94, 0.3), (0.8, 0.97, 0.7), (0.6, 0.93, 0.1)
 SURFACES = {Organ.GROUND: SOIL, Organ.WEED: GREEN, Organ.SOLID: THING}
 SUN_ON_BODY = 0.7  # absorbed by fur and clothes, an estimate
 
