@@ -81,6 +81,7 @@ DRIVES: Mapping[str, Callable[[float], list[str]]] = {
     "roughness_gd_m3": _key("field.terrain={{level: formula, slope_percent: 1.0, gd_n0_m3: {v:g}}}"),
     "rain_mm_h": _key("combine.lidar.weather.rain_mm_h={v:g}"),
     "dust_per_m": _key("combine.lidar.weather.extinction_per_m={v:g}"),
+    "straw_moisture_percent": _key("field.stand.straw_moisture_percent={v:g}"),
     "other_crop": lambda v: ["field.stand={level: uniform, crop: rye, stems_per_m2: 280}"] if v else [],
     "cutting_height_m": _key("combine.header.cutting_height_m={v:g}"),
     "depression_deg": _key("combine.lidar.mount.pitch_deg={v:g}"),

@@ -277,7 +277,7 @@ def test_every_slot_says_of_every_attribute_inside_outside_or_not_checked(monkey
             pairs += 1
             of = {c.quantity: c for c in machine.slots[slot].found.checked}
             if name in of:
-                low, high = max(of[name].low, -1e3), min(of[name].high, 1e4)
+                low, high = max(of[name].low, -1e3), min(of[name].high, 1e6)
                 for value, state in (
                     (rng.uniform(low, high), INSIDE),
                     (low - rng.uniform(0.01, 9.0), OUTSIDE),

@@ -149,20 +149,22 @@ def test_what_stands_before_a_thing_that_goes_hides_it_and_stays_sharp():
     assert (goes.raw[30] != stays.raw[30]).any()
 
 
-def test_numbers_are_those_of_the_radiometry():
+@pytest.mark.parametrize(("elevation", "ms"), [(0.5, 1.0), (30.0, 0.05), (89.0, 0.1)])
+def test_numbers_are_those_of_the_radiometry(elevation, ms):
     """A wall towards the sun: FULL cancels, E tau / (4 N^2) photons, eta, K, by hand."""
     setup = site(wall=wall(3.0, -9.0, 9.0, z1=9.0))
-    made = camera(setup, samples_per_pixel=1, exposure_ms=0.05, sun_azimuth_deg=180.0, sun_elevation_deg=30.0)
+    made = camera(
+        setup, samples_per_pixel=1, exposure_ms=ms, sun_azimuth_deg=180.0, sun_elevation_deg=elevation
+    )
     image = made.image_from(10**9, made.optical)
     middle = float(image.raw[59:61, 79:81, 0].mean())
     share = linear((140, 146, 154))  # paint of a thing of no kind
-    light = clear_light(np.radians(30.0))
-    lit = np.array(
-        [light.at(w, light.sky + light.sun * np.cos(np.radians(30.0))) for w in (620e-9, 540e-9, 460e-9)]
-    )
+    high = np.radians(elevation)
+    light = clear_light(high)
+    lit = np.array([light.at(w, light.sky + light.sun * np.cos(high)) for w in (620e-9, 540e-9, 460e-9)])
     irradiance = 100.0 * lit * 0.9 / (4 * 4.0**2) * share
-    photons = sum(irradiance * np.array([620e-9, 540e-9, 460e-9])) * 1e-10 * 0.05e-3 / 1.98644586e-25
-    assert middle == pytest.approx(30 + 0.2 * (0.5 * photons + 40 * 0.05e-3), rel=2e-3, abs=1.0)
+    photons = sum(irradiance * np.array([620e-9, 540e-9, 460e-9])) * 1e-10 * ms * 1e-3 / 1.98644586e-25
+    assert middle == pytest.approx(30 + 0.2 * (0.5 * photons + 40 * ms * 1e-3), rel=2e-3, abs=1.0)
     corner = float(image.raw[0, 0, 0]) - 30.0
     cosine = made.pinhole.rays()[0, 0, 2]
     assert corner / (middle - 30.0) == pytest.approx(cosine**4, rel=0.02)

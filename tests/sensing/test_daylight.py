@@ -33,7 +33,7 @@ def reach(made):
     return (0.1 / made.least_energy) ** 0.5
 
 
-@pytest.mark.parametrize("elevation", [-6.0, 3.0, 10.0, 25.0, 45.0, 62.0])
+@pytest.mark.parametrize("elevation", [-6.0, 3.0, 10.0, 25.0, 45.0, 62.0, 90.0])
 def test_reach_falls_with_the_fourth_root_of_the_noise(elevation):
     dark = scanner(elevation, "{}")
     quiet, loud = (scanner(elevation, f"{{shot_noise: {n}}}") for n in (1.0, 15.0))

@@ -5,7 +5,7 @@ field.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import atan, atan2, cos, degrees, inf, nan, pi, sin
 from typing import Any
@@ -14,10 +14,13 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.signal import Signal
-from swath.core.units import KPA
+from swath.core.units import DEG, KPA, PERCENT
 from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
+from swath.field.light import light
+from swath.field.plume import extinction_at
+from swath.field.weather import GREEN, extinction
 from swath.machine.on_soil import DEFAULT_KPA
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
@@ -108,15 +111,56 @@ def _param(kind: str, name: str) -> Callable[[Where], float]:
     return at
 
 
-def _in_air(name: str) -> Callable[[Where], float]:
-    """The largest value that a key of the weather before a scanner has among those of the machine."""
+def _scanners(where: Where) -> list[ScanningLidar]:
+    return [part for part in where.machine.parts.values() if isinstance(part, ScanningLidar)]
 
-    def at(where: Where) -> float:
-        scanners = [part for part in where.machine.parts.values() if isinstance(part, ScanningLidar)]
-        values = [getattr(scanner.weather_at(where.state.t), name) or 0.0 for scanner in scanners]
-        return max(values, default=nan)
 
-    return at
+def _rain(where: Where) -> float:
+    """The most before its sensors: their own, else that of the weather."""
+    t, weather = where.state.t, where.field.weather
+    own = [scanner.weather_at(t).rain_mm_h or 0.0 for scanner in _scanners(where)]
+    said = [_param("camera", "weather.rain_mm_h")(where), _param("radar", "rain_mm_h")(where)]
+    site = 0.0 if weather is None else weather.at(t).rain
+    return max(*own, *(site if value != value else value for value in said), 0.0)
+
+
+def _dust(where: Where) -> float:
+    """The most before its sensors, with the plumes that drift past its scanners."""
+    t, weather, scanners = where.state.t, where.field.weather, _scanners(where)
+    least = [scanner.weather_at(t).extinction_per_m or 0.0 for scanner in scanners]
+    own = _param("camera", "weather.extinction_per_m")(where)
+    site = 0.0 if weather is None else extinction(replace(weather.at(t), rain=0.0), GREEN)
+    drifts = 0.0
+    if where.field.plumes and scanners:
+        places = np.array([where.state.pose.apply(s.mounting.position) for s in scanners])
+        places[:, 2] -= where.field.ground_height(places[:, 0], places[:, 1])
+        drifts = float(
+            np.sum([extinction_at(p.packed(), places) for p in where.field.plumes.values()], axis=0).max()
+        )
+    return max(*least, site if own != own else own, 0.0) + drifts
+
+
+def _lux(elevation: float, cloud: float) -> float:
+    return nan if elevation != elevation else light(elevation, cloud).lux
+
+
+def _light(where: Where) -> float:
+    """On level ground: by the keys of its cameras, else by the weather; nan where nobody names a sun."""
+    t, weather = where.state.t, where.field.weather
+    elevation, cloud = DEG * _param("camera", "sun_elevation_deg")(where), 0.0
+    if weather is not None:
+        sun, cloud = weather.sun(t), weather.at(t).cloud
+        elevation = sun.elevation if elevation != elevation and sun is not None else elevation
+    return _lux(elevation, cloud)
+
+
+def _light_received(where: Where) -> float:
+    """Of the receivers that know light, at the start of the run."""
+    weather = where.field.weather
+    sun = None if weather is None else weather.sun(0)
+    if weather is None or sun is None or not _param("lidar", "daylight.shot_noise")(where) > 0.0:
+        return 0.0
+    return _lux(sun.elevation, weather.at(0).cloud)
 
 
 def _friction(where: Where) -> float:
@@ -165,10 +209,16 @@ QUANTITIES: Mapping[str, Quantity] = {
                                (1800.0, inf)),
     "roughness_gd_m3": Quantity("m3", "Gd of the ground at 0.1 cycles/m, ISO 8608",
                                 _roughness, (*MOVED, "lidar", "header", "imu"), (0.0, 256e-6)),
-    "rain_mm_h": Quantity("mm/h", "rain before a scanner", _in_air("rain_mm_h"), SEEN,
-                          (0.0, 0.0)),
-    "dust_per_m": Quantity("1/m", "extinction of dust and fog before a scanner",
-                           _in_air("extinction_per_m"), SEEN, (0.0, 0.0)),
+    "rain_mm_h": Quantity("mm/h", "rain before a sensor", _rain, (*SEEN, "radar"), (0.0, 0.0)),
+    "dust_per_m": Quantity("1/m", "extinction of dust, plumes and fog before a sensor", _dust, SEEN,
+                           (0.0, 0.0)),
+    "light_lx": Quantity("lx", "light on level ground, nan = no sun is named", _light, ("camera",),
+                         (1000.0, 120_000.0)),
+    "receiver_light_lx": Quantity("lx", "light on level ground, where receivers of scanners know it",
+                                  _light_received, ("lidar", "edge"), (0.0, 0.0)),
+    "straw_moisture_percent": Quantity("%", "water in the straw of the stand",
+                                       lambda w: w.field.moisture.at(w.state.t)["straw_moisture"] / PERCENT,
+                                       CROP, (5.0, 18.0)),
     "other_crop": Quantity("1", "1 where the crop is not wheat, else 0",
                            lambda w: float(w.field.stand.crop != "wheat"), CROP, (0.0, 0.0)),
     "cutting_height_m": Quantity("m", "height of the knife that is asked for",
@@ -177,8 +227,8 @@ QUANTITIES: Mapping[str, Quantity] = {
 }  # fmt: skip
 # those that hang on the field and on parameters alone, wherever the machine is
 FIXED = frozenset((
-    "wind_lean_deg", "weeds_per_m2", "friction", "roughness_gd_m3", "rain_mm_h",
-    "dust_per_m", "other_crop", "cutting_height_m",
+    "wind_lean_deg", "weeds_per_m2", "friction", "roughness_gd_m3", "receiver_light_lx", "other_crop",
+    "cutting_height_m",
 ))  # fmt: skip
 
 

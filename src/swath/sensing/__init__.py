@@ -8,5 +8,13 @@ RADAR = (
     SPEED,
     Checked("stems_per_m2", 200.0, 600.0, "tests/sensing/test_radar.py"),
     Checked("lean_deg", 0.0, 20.0, "tests/sensing/test_radar.py"),
+    Checked("rain_mm_h", 0.0, 25.0, "tests/sensing/test_radar.py"),
 )  # loss in the crop, against rays
+STEMS_SEEN = (
+    Checked("lean_deg", 0.0, 75.0, "tests/rays/test_exact.py"),
+    Checked("wind_lean_deg", 0.0, 24.5, "tests/rays/test_wind.py"),
+    Checked("stems_per_m2", 0.0, 1000.0, "tests/rays/test_closed_form.py"),
+)  # by rays against every stem
+CAMERA = (*STEMS_SEEN, Checked("dust_per_m", 0.0, 0.3, "tests/sensing/test_camera_error.py"))
+BRIGHTEST = 120_000.0  # light of the brightest day that was checked [lx]
 CHECKED = SPEED, TURN  # of sensors of motion, against closed forms, in the ranges of motion levels

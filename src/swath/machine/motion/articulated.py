@@ -21,7 +21,7 @@ from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import SpeedLoop, within_drive
 from swath.machine.machine_sheet import dynamics_of
-from swath.machine.motion import TESTS
+from swath.machine.motion import FIRM, TESTS
 from swath.machine.towing import DRIVEN, ports_of, refuse_reverse, towed_by
 from swath.machine.traction import DrivenWheels, traction_of
 from swath.machine.tyre import GRAVITY, ROLLING_SPEED, axle_stiffness, creep_damping
@@ -233,5 +233,6 @@ LEVEL = Level(
     checked=(
         Checked("ground_speed_kmh", 0.0, 11.5, TESTS),
         Checked("slope_along_percent", -18.0, 18.0, TESTS),
+        FIRM,
     ),
 )

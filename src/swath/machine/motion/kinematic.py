@@ -22,7 +22,7 @@ from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, filled, of_worlds, repeatable, shared
 from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import dynamics_of
-from swath.machine.motion import CHECKED
+from swath.machine.motion import CHECKED, FIRM
 from swath.machine.motion.on_ground import OnGround
 from swath.machine.towing import DRIVEN, ports_of, towed_by
 from swath.machine.traction import Traction, across_of, traction_of
@@ -124,5 +124,5 @@ LEVEL = Level(
     summary="rolls where the wheels point, slips on slopes, on the terrain",
     cost="about 20 us per step, 8 us in a batch of worlds",
     tolerance="against multibody up to 2.5 m/s: yaw gain 1.8 to 4 % high, offset after 30 deg -3 to +21 %",
-    checked=CHECKED,
+    checked=(*CHECKED, FIRM),
 )

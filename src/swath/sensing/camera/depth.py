@@ -21,6 +21,7 @@ from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.field.site_setup import SiteSetup
+from swath.sensing import CAMERA
 from swath.sensing.camera.rays import Channel, SceneCamera, Sight, pinhole_of
 from swath.sensing.camera.rays import Params as RaysParams
 from swath.signals import F64
@@ -108,4 +109,5 @@ LEVEL = Level(
     "stereo camera: depth with noise of the disparity, steps, and holes that the second camera does not see",
     cost="about 0.15 s of one core per image of 320 x 240",
     tolerance="equal to rays within 0.5 px without noise; sd z^2 sd_d / (f B)",
+    checked=CAMERA,
 )

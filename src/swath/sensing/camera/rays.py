@@ -35,6 +35,7 @@ from swath.field.weather import GREEN, Sun
 from swath.rays.device import ThreadPool
 from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
+from swath.sensing import CAMERA
 from swath.sensing.camera.instances import Instances, instances_of
 from swath.sensing.camera.lighting import SHADOW_REACH, Lighting, LightSetup
 from swath.sensing.camera.orthophoto import Orthophoto
@@ -380,4 +381,5 @@ LEVEL = Level(
     "pinhole camera: colour, depth, label and instance by rays against every stem, ear and leaf",
     cost="about 0.15 s of one core per image of 320 x 240",
     tolerance="pixels within 0.5 px of the pinhole formula, labels as ray by ray",
+    checked=CAMERA,
 )

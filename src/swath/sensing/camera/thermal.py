@@ -29,7 +29,7 @@ from swath.core.component import Outputs
 from swath.core.frames import Pose
 from swath.core.lens import Lens
 from swath.core.random import Stream
-from swath.core.registry import Level
+from swath.core.registry import Checked, Level
 from swath.field.heat import (
     BOLTZMANN,
     HEAT,
@@ -43,6 +43,7 @@ from swath.field.light import light
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.field.weather import KELVIN, Air
+from swath.sensing import BRIGHTEST, CAMERA
 from swath.sensing.camera.lighting import CANOPY_COSINE
 from swath.sensing.camera.rays import Channel, SceneCamera, Sight, cells, pinhole_of
 from swath.sensing.camera.rays import Params as PinholeParams
@@ -220,4 +221,5 @@ LEVEL = Level(
     summary="apparent temperatures at 8 to 14 um: sun, sky, wind and living things; NETD",
     cost="about that of rays, with its rays towards the sun",
     tolerance="equal to rays within 0.5 px; Planck's law within 0.2 %; no thermal picture was compared",
+    checked=(*CAMERA, Checked("light_lx", 0.0, BRIGHTEST, "tests/sensing/test_thermal.py")),
 )

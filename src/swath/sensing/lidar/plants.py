@@ -18,6 +18,7 @@ from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.field.wetness import darkened
 from swath.rays.engine import RayCaster
+from swath.sensing import BRIGHTEST, STEMS_SEEN
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
@@ -125,10 +126,10 @@ LEVEL = Level(
     cost="about 0.35 s of one core per million rays",
     tolerance="dearest level; rays within 1 mm of Embree, first returns within 1 cm of the closed form",
     checked=(
-        Checked("lean_deg", 0.0, 75.0, "tests/rays/test_exact.py"),
-        Checked("wind_lean_deg", 0.0, 24.5, "tests/rays/test_wind.py"),
-        Checked("stems_per_m2", 0.0, 1000.0, "tests/rays/test_closed_form.py"),
+        *STEMS_SEEN,
         Checked("rain_mm_h", 0.0, 50.0, RANGES),
         Checked("dust_per_m", 0.0, 0.3, RANGES),
+        Checked("straw_moisture_percent", 0.0, 80.0, RANGES),
+        Checked("receiver_light_lx", 0.0, BRIGHTEST, "tests/sensing/test_daylight.py"),
     ),
 )
