@@ -11,7 +11,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.fleet.command import FILES
-from swath.fleet.driven import _Mover, driven
+from swath.fleet.driven import driven
 from swath.fleet.files import FieldSettings, FleetSettings, TruckSettings, read_job
 from swath.fleet.ground import shapely_here
 from swath.fleet.report import write_result
@@ -56,25 +56,6 @@ def test_driven_bodies_keep_to_their_paths_and_say_what_they_do_all_the_time(sch
         assert all(a.end == pytest.approx(b.begin) for a, b in pairwise(spans))
         assert all(s.reason for s in spans if s.state == "wait")
     assert driven(schedules[130]).ends == worked.ends
-
-
-@pytest.mark.parametrize("late", ["combine_1", "cart_1"])
-def test_who_breaks_down_on_the_way_delays_others_and_touches_nobody(late, schedules, monkeypatch):
-    """A machine that stands for ten minutes soon after it has set out."""
-    drive, clock = _Mover.drive, {"steps": 0}
-
-    def delayed(self, goal, most):
-        clock["steps"] += self.machine.name == late and (self.speed > 1.0 or clock["steps"] > 0)
-        if self.machine.name == late and 50 < clock["steps"] < 6000:
-            self.speed = 0.0
-        else:
-            drive(self, goal, most)
-
-    monkeypatch.setattr(_Mover, "drive", delayed)
-    worked = driven(schedules[130])
-    found = looked_at(schedules[130], worked)
-    assert (found.contact, found.mass) == ({}, pytest.approx(0.0, abs=1e-9))
-    assert worked.ends > schedules[130].ends + 100.0
 
 
 def test_a_result_holds_the_timeline_and_why_machines_waited(schedules, tmp_path):
