@@ -49,7 +49,11 @@ class Plans:
     goal: wp.array(dtype=wp.float64)
 
 
-@wp.func_native((Path(__file__).parent / "plans.cpp").read_text(encoding="utf-8"))
+def _source(name: str) -> str:
+    return (Path(__file__).parent / f"{name}.cpp").read_text(encoding="utf-8")
+
+
+@wp.func_native(_source("plans"))
 def plans(its: Plans): ...  # noqa: ANN201
 
 
@@ -57,3 +61,26 @@ def plans(its: Plans): ...  # noqa: ANN201
 def ask(its: Plans):  # noqa: ANN201
     """See plans.cpp."""
     plans(its)
+
+
+@wp.struct
+class Met:
+    """Resources that sweep the same ground; see met.cpp."""
+
+    numbers: wp.array(dtype=wp.float64)
+    points: wp.array(dtype=wp.float64)
+    starts: wp.array(dtype=wp.int32)
+    first: wp.array(dtype=wp.int32)
+    boxes: wp.array(dtype=wp.float64)
+    parts: wp.array(dtype=wp.float64)
+    found: wp.array(dtype=wp.int32)
+
+
+@wp.func_native(_source("met"))
+def met(its: Met): ...  # noqa: ANN201
+
+
+@wp.kernel
+def meet(its: Met):  # noqa: ANN201
+    """See met.cpp."""
+    met(its)

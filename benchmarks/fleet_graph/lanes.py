@@ -24,8 +24,9 @@ from swath.fleet.ground import Ground, fits, run_of
 from swath.fleet.machines import PARAMS as GAPS
 from swath.fleet.machines import Body, Cart, Combine, Machines, Place, Rectangle, beside, body_of, machines_of
 from swath.fleet.plan import HEADLAND, Pass, plan_of, strips_along, track_along
-from swath.fleet.table import Path, Swept, Taken, segments, standing
+from swath.fleet.table import Path, Swept, segments, standing
 from swath.fleet.ways import Track, abreast, driven, spent_along, straight
+from swath.kernels import filled, launch
 
 CELL_M = 24.0  # of passes, about
 NODE_M = 26.0  # between poses of lanes
@@ -375,18 +376,20 @@ class Lanes:
         ]
         road = shapely.LineString([ground.gate, ground.dock[:2]]).buffer(7.5)
         machines = [*self.machines.carts, *self.machines.combines]
-        for off in (shapely.union_all([ring, road]), ring, ground.field):
-            bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
-            for m in machines:
-                if m.name in self.homes:
-                    continue
-                for place in self._spots(bare, m.body):
-                    n = self._joined(self.group_of[m.name], place)
-                    if n >= 0:
-                        self.homes[m.name] = n
-                        used.append(run_of(m.body, place, 0.0, WAIT_M))
-                        bare = shapely.difference(bare, used[-1])
-                        break
+        yards = [shapely.Point(p).buffer(YARDS.yard_m) for p in (ground.gate, ground.dock[:2])]
+        for yard in yards:
+            for off in (shapely.union_all([ring, road]), ring, ground.field):
+                bare = shapely.difference(ground.open & yard, shapely.union_all([off, *used]))
+                for m in machines:
+                    if m.name in self.homes:
+                        continue
+                    for place in self._spots(bare, m.body):
+                        n = self._joined(self.group_of[m.name], place)
+                        if n >= 0:
+                            self.homes[m.name] = n
+                            used.append(run_of(m.body, place, 0.0, WAIT_M))
+                            bare = shapely.difference(bare, used[-1])
+                            break
         missing = [m.name for m in machines if m.name not in self.homes]
         if missing:
             raise InputError("field.around_m", None, f"expected room for {', '.join(missing)} to wait")
@@ -584,18 +587,7 @@ class Lanes:
         self.stands = [standing(p, _rough(self.groups[g].body), 0.0, "stands") for g, p in self.nodes]
         every = [*paths, *self.stands]
         count = len(every)
-        middle = np.array([p.swept.boxes[:, :2].min(axis=0) // 40.0 for p in every])
-        order = np.lexsort((middle[:, 0], middle[:, 1])).tolist()  # near each other, so that blocks are small
-        taken = Taken()
-        owner: list[int] = []
-        for rects in sorted({p.swept.rects for p in every}):
-            some = [r for r in order if every[r].swept.rects == rects]
-            taken.add(str(rects), _together([every[r].swept for r in some]))
-            owner += [r for r in some for _ in range(len(every[r].swept))]
-        own = np.array(owner)
-        pairs = own[_met(taken)].astype(np.int64)
-        keys = np.unique(pairs[:, 0] * count + pairs[:, 1])
-        pairs = np.column_stack([keys // count, keys % count])
+        pairs = _met([p.swept for p in every])
         self.conflicts = _rows(pairs, count)
         tree = shapely.STRtree(self.crop)
         shapes, of = [], []
@@ -619,52 +611,35 @@ def _rough(body: Body, more: float = 0.0) -> Body:
     return replace(body, towed=(Rectangle(min(rear), max(front), min(right) - more, max(left) + more),))
 
 
-def _together(each: list[Swept]) -> Swept:
-    """What is swept on all, of bodies of as many parts."""
-    sizes = [len(s.points) for s in each]
-    shift = np.cumsum([0, *sizes[:-1]])
-    starts = [np.zeros(1, np.int32), *(s.starts[1:] + n for s, n in zip(each, shift.tolist(), strict=True))]
-    return Swept(
-        np.concatenate([s.points for s in each]), np.concatenate(starts).astype(np.int32), each[0].rects
-    )
+def _met(each: list[Swept]) -> Any:
+    """All pairs of what sweeps the same ground, each with itself, in order, (n, 2)."""
+    from benchmarks.fleet_graph import kernel
 
-
-def _met(taken: Taken) -> Any:
-    """All pairs of segments that sweep the same ground, (n, 2)."""
-    from swath.fleet import ground_kernel
-    from swath.fleet.table import BLOCK
-    from swath.kernels import filled, launch
-
-    n, most = len(taken), 1 << 22
-    rects = np.diff(taken.first.all[: n + 1, 0])
-    out = []
-    for rect in np.unique(rects).tolist():
-        which = np.flatnonzero(rects == rect)
-        starts = taken.starts.all[:, 0]
-        first = taken.first.all[which, 0]
-        sizes = np.array([np.diff(starts[f : f + rect + 1]) for f in first])
-        begins = starts[first]
-        index = np.concatenate([np.arange(b, b + s.sum()) for b, s in zip(begins, sizes, strict=True)])
-        points = taken.points.all[index]
-        own_starts = np.concatenate([[0], np.cumsum(sizes.ravel())]).astype(np.int32)
-        while True:
-            found = np.zeros(2 * most + 1, np.int32)
-            its = filled(
-                ground_kernel.Meets, numbers=np.array([len(which), rect, n, BLOCK, -1, most], float),
-                found=found,
-                own_points=points.ravel(), own_starts=own_starts, own_boxes=taken.boxes.all[which].ravel(),
-                points=taken.points.all.ravel(), starts=taken.starts.all.ravel(),
-                first_outline=taken.first.all.ravel(), machines=taken.machines.all.ravel(),
-                boxes=taken.boxes.all.ravel(), blocks=taken.blocks.all.ravel(),
-            )  # fmt: skip
-            launch(ground_kernel.meet_all, its)
-            if found[0] <= most:
-                break
-            most = int(found[0]) + 1
-        pairs = found[1 : 1 + 2 * found[0]].reshape(-1, 2).copy()
-        pairs[:, 0] = which[pairs[:, 0]]
-        out.append(pairs)
-    return np.concatenate(out)
+    low = np.array([s.boxes[:, :2].min(axis=0) for s in each])
+    high = np.array([s.boxes[:, 2:].max(axis=0) for s in each])
+    order = np.argsort(low[:, 0], kind="stable")
+    own = [each[i] for i in order.tolist()]
+    points = np.concatenate([s.points[: s.starts[-1]] for s in own])
+    shift = np.cumsum([0, *(s.starts[-1] for s in own)])
+    starts = np.concatenate([*(s.starts[:-1] + n for s, n in zip(own, shift[:-1], strict=True)), shift[-1:]])
+    ends = np.minimum.reduceat(points, starts[:-1]), np.maximum.reduceat(points, starts[:-1])
+    first = np.cumsum([0, *(len(s.starts) - 1 for s in own)])
+    most = 1 << 21
+    while True:
+        found = np.zeros(2 * most + 1, np.int32)
+        its = filled(
+            kernel.Met, numbers=np.array([len(own), most], float), points=points.ravel(),
+            starts=starts.astype(np.int32), first=first.astype(np.int32),
+            boxes=np.hstack([low, high])[order].ravel(), parts=np.hstack(ends).ravel(), found=found,
+        )  # fmt: skip
+        launch(kernel.meet, its)
+        if found[0] <= most:
+            break
+        most = int(found[0]) + 1
+    one, two = order[found[1 : 1 + 2 * found[0]].reshape(-1, 2).T.astype(np.int64)]
+    same, count = np.arange(len(own)), len(own)
+    keys = np.sort(np.concatenate([one * count + two, two * count + one, same * (count + 1)]))
+    return np.column_stack([keys // count, keys % count])
 
 
 def _rows(pairs: Any, count: int) -> tuple[Any, Any]:
