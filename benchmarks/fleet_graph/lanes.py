@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from benchmarks.fleet_graph.turns import shortest_turns
+from benchmarks.fleet_graph.turns import shortest_turns, turn_lengths
 
 from swath.control.turns.dubins import Place as Pose
 from swath.control.turns.dubins import shortest
@@ -39,7 +39,7 @@ SWING_M = 0.4  # more room on each side of a trailer in turns
 OPENS_M = 120.0  # over which a combine opens a way into standing crop
 PART_M = 7.0  # between hulls of what is swept
 NEED_M = 0.15  # by which crop is narrower where ways are checked for it
-TOP, LANES = 5, 3  # nearest passes, and lanes, that a turn leads to
+TOP, LANES = (5, 10), (3, 5)  # nearest passes, and lanes, to turn to, from a lane and from the end of a pass
 WAIT_M = 2.0  # between machines that wait
 ALONE = -1
 
@@ -128,6 +128,8 @@ class Lanes:
         self.starts: dict[int, list[int]] = {g: [] for g in range(len(self.groups))}  # and to here
         self.flows: dict[int, list[list[int]]] = {g: [] for g in range(len(self.groups))}  # lanes: both
         self.rough = self.ground.rough
+        self.standing = self.ground.field.buffer(-NEED_M)
+        shapely.prepare(self.standing)
         self._cells()
         for g, group in enumerate(self.groups):
             if not group.is_cart:
@@ -421,23 +423,25 @@ class Lanes:
         if n < marks[0]:
             return -1
         flows = [m for lane in self.flows[g] for m in lane]
-        shape = run_of(self.groups[g].body, place, 0.0, WAIT_M)
+        body = self.groups[g].body
+        shape = run_of(body, place, 0.0, WAIT_M)
         ways: list[Any] = []
-        if self.kept and shapely.intersects(shape, self.kept).any():
+        both = self.groups[g].is_cart or not self.machines.carts  # others leave for good, the last one first
+        if both and self.kept and shapely.intersects(shape, self.kept).any():
             self.known = {key: m for key, m in self.known.items() if m != n}
             del self.nodes[marks[0] :]
             return -1
-        both = self.groups[g].is_cart or not self.machines.carts  # others leave for good, the last one first
         for is_out in (True, False) if both else (True,):
             rows = sorted((self._turn_m(*((n, m) if is_out else (m, n))), m) for m in flows)
-            some = [m for far, m in rows[:10] if far < FAR_M]
+            some = [m for far, m in rows[:20] if far < FAR_M]
             first, kept = len(self.edges), []
             self.rolls([(n, m) if is_out else (m, n) for m in some])
+            own = [i for i in range(len(body.own) + len(_rough(body).towed)) if i != body.raised]
             for e in sorted(self.edges[first:], key=lambda e: e.spent):
-                parts = e.path.swept[:].ravel()
-                if len(kept) < 2 and not (
-                    self.taken and shapely.intersects(parts[:, None], [*self.taken]).any()
-                ):
+                parts = e.path.swept[:]
+                if len(kept) == 2 or shapely.intersects(self.standing, parts[:, own]).any():
+                    continue
+                if not (self.taken and shapely.intersects(parts.ravel()[:, None], [*self.taken]).any()):
                     kept.append(e)
             self.edges[first:] = kept
             ways += [q for e in kept for q in e.path.swept[:].ravel().tolist()]
@@ -456,35 +460,58 @@ class Lanes:
             return math.inf
         return sum(d for _, d in shortest(Pose(*p[:3]), Pose(*q[:3]), self.groups[g].spec.drive.radius))
 
+    def _far(self, g: int, pairs: list[tuple[int, int]]) -> Any:
+        """Lengths of turns between nodes [m]."""
+        if not pairs:
+            return np.zeros(0)
+        starts, goals = (np.array([self.nodes[pair[i]][1][:3] for pair in pairs]) for i in (0, 1))
+        line = LINE_M * self.groups[g].is_cart
+        goals[:, :2] -= line * np.column_stack([np.cos(goals[:, 2]), np.sin(goals[:, 2])])
+        return np.round(turn_lengths(starts, goals, self.groups[g].spec.drive) + line, 1)
+
     def _turns(self, g: int) -> None:
         """Turns from ends of passes and poses of lanes to starts and lanes."""
         known = {(e.a, e.b) for e in self.edges}
         places = np.array([p[:2] for _, p in self.nodes])
         lanes = self.flows[g]
+        ends = set(self.ends[g]) | {lane[-1] for lane in lanes if lane[0] not in self.outside}
         outs = list(dict.fromkeys([*self.ends[g], *(n for lane in lanes for n in lane)]))
+        at: dict[int, list[int]] = {}  # lanes of poses
+        for k, lane in enumerate(lanes):
+            for n in lane:
+                at.setdefault(n, []).append(k)
+        starts = list(dict.fromkeys(self.starts[g]))
         pairs = []
         for a in outs:
-            near = np.hypot(*(places - places[a]).T) < 0.8 * FAR_M
-            rows = sorted((round(self._turn_m(a, b), 1), b) for b in self.starts[g] if near[b] and a != b)
-            found = [r for r in rows if r[0] < FAR_M][:TOP]
-            other: list[tuple[float, int]] = []
-            for lane in lanes:
-                if a in lane and len(lane) > 1:
-                    rows = [(d, b) for d, b in self._near(a, lane, near) if d > 1.5 * NODE_M][:1]
-                else:
-                    rows = self._near(a, lane, near)[:1]
-                other += [r for r in rows if r[0] < FAR_M]
-            for _, b in [*found, *sorted(other)[:LANES]]:
+            near = np.hypot(*(places - places[a]).T)
+            pairs += [(a, b) for b in [*starts, *at] if near[b] < 0.8 * FAR_M and a != b]
+        far = self._far(g, pairs)
+        rows: dict[int, list[tuple[float, int]]] = {}
+        for (a, b), d in zip(pairs, far.tolist(), strict=True):
+            if d < FAR_M:
+                rows.setdefault(a, []).append((d, b))
+        is_start = set(starts)
+        for a, own in rows.items():
+            own.sort()
+            more = a in ends
+            made: dict[int, int] = {}
+            for d, b in own:
+                to = [-1] if b in is_start else [k for k in at[b] if a not in lanes[k] or d > 1.5 * NODE_M]
+                to = [k for k in to if made.get(k, 0) < (1 if k >= 0 else TOP[more])]
+                if not to or (to != [-1] and sum(k >= 0 for k in made) >= LANES[more]):
+                    continue
                 if (a, b) not in known:
+                    if self.rolls([(a, b)])[0] < 0:
+                        continue
                     known.add((a, b))
-                    pairs.append((a, b))
-        self.rolls(pairs, most=1.5 * FAR_M)
+                for k in to:
+                    made[k] = made.get(k, 0) + 1
         if g in self.docks:  # a yard is wider than a headland
             dock, pairs = self.docks[g], []
             for lane in lanes:
-                rows = sorted((round(math.dist(places[dock], places[n])), n) for n in lane if n != dock)
-                for far, n in rows[:3]:
-                    pairs += [p for p in ((dock, n), (n, dock)) if far < 2.0 * FAR_M and p not in known]
+                near_dock = sorted((round(math.dist(places[dock], places[n])), n) for n in lane if n != dock)
+                for d, n in near_dock[:3]:
+                    pairs += [p for p in ((dock, n), (n, dock)) if d < 2.0 * FAR_M and p not in known]
             known.update(pairs)
             self.rolls(pairs, most=3.0 * FAR_M)
         self._ways_in(g, outs, known)
@@ -493,8 +520,7 @@ class Lanes:
 
     def _ways_in(self, g: int, outs: list[int], known: set[tuple[int, int]]) -> None:
         """Turns to where a round is begun, past standing crop."""
-        crop = self.ground.field.buffer(-NEED_M)
-        shapely.prepare(crop)
+        crop = self.standing
         heads = [c for c in self.chains if c.group == g and c.is_headland]
         starts = dict.fromkeys(
             n
@@ -544,26 +570,30 @@ class Lanes:
         rows = [(a, b, f, h) for (a, b), each in pairs.items() for f, h in each]
         if not rows:
             return
-        flipped = [0.0, 0.0, math.pi]
-        begins = np.array([self.nodes[a][1].ahead(f)[:3] for a, _, f, _ in rows]) + flipped
-        goals = np.array([self.nodes[b][1].ahead(-h)[:3] for _, b, _, h in rows]) + flipped
-        found: dict[tuple[int, int], list[tuple[float, list[tuple[float, float]]]]] = {}
-        for (a, b, f, h), pieces in zip(rows, shortest_turns(begins, goals, spec.drive), strict=True):
-            bend = math.fsum(abs(k * d) for k, d in pieces)
-            if pieces and bend < 3.2:
-                back = math.fsum(d for _, d in pieces)
-                whole = [(0.0, f), *((-k, -d) for k, d in pieces), (0.0, h)]
-                time = (f + h) / spec.drive.turning + back / spec.drive.backwards
-                found.setdefault((a, b), []).append((time, [p for p in whole if abs(p[1]) > 1e-9]))
-        for (a, b), ways in found.items():
-            made = 0
-            for _, pieces in sorted(ways)[:6]:
-                e = self.edge(a, b, g, driven(self.nodes[a][1], pieces, spec.body), "way")
-                if e >= 0:
-                    self.edges[e].spent += 4.0 * spec.drive.shift
-                    made += 1
-                if made == 3:
-                    break
+        begins = np.array([self.nodes[a][1].ahead(f)[:3] for a, _, f, _ in rows])
+        goals = np.array([self.nodes[b][1].ahead(-h)[:3] for _, b, _, h in rows])
+        for is_back in (True, False):
+            found: dict[tuple[int, int], list[tuple[float, list[tuple[float, float]]]]] = {}
+            way, flipped = (-1, math.pi) if is_back else (1, 0.0)
+            turned = np.array([0.0, 0.0, flipped])
+            turns = shortest_turns(begins + turned, goals + turned, spec.drive)
+            for (a, b, f, h), pieces in zip(rows, turns, strict=True):
+                bend = math.fsum(abs(k * d) for k, d in pieces)
+                if pieces and (not is_back or bend < 3.2):
+                    far = math.fsum(d for _, d in pieces)
+                    whole = [(0.0, f), *((way * k, way * d) for k, d in pieces), (0.0, h)]
+                    speed = spec.drive.backwards if is_back else spec.drive.turning
+                    time = (f + h) / spec.drive.turning + far / speed
+                    found.setdefault((a, b), []).append((time, [p for p in whole if abs(p[1]) > 1e-9]))
+            for (a, b), ways in found.items():
+                made = 0
+                for _, pieces in sorted(ways)[:6]:
+                    e = self.edge(a, b, g, driven(self.nodes[a][1], pieces, spec.body, 1.0), "way")
+                    if e >= 0:
+                        self.edges[e].spent += 4.0 * spec.drive.shift * is_back
+                        made += 1
+                    if made == 3:
+                        break
 
     def _roll_clear(self, g: int, pairs: list[tuple[int, int]], crop: Any, most: int) -> None:
         """The fastest turns that keep off crop."""

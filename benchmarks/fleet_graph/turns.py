@@ -17,11 +17,24 @@ def shortest_turns(starts: np.ndarray, goals: np.ndarray, drive: Drive) -> list[
     """Pieces (curvature [1/m], length [m]) of the shortest rolled turn between poses x, y, heading, (n, 3);
     none where there is none.
     """
-    limits = TurnLimits(drive.radius, drive.steering / drive.turning)
-    out: list[list[tuple[float, float]]] = []
-    for i in range(0, len(starts), AT_ONCE):
-        out += _chunk(starts[i : i + AT_ONCE], goals[i : i + AT_ONCE], limits)
-    return out
+    limits = _limits(drive)
+    rows = _shortest(starts, goals, limits)
+    return [_turn(total, row, limits) for total, *row in rows.tolist()]
+
+
+def turn_lengths(starts: np.ndarray, goals: np.ndarray, drive: Drive) -> np.ndarray:
+    """Length of each [m], inf where there is none."""
+    return _shortest(starts, goals, _limits(drive))[:, 0]
+
+
+def _limits(drive: Drive) -> TurnLimits:
+    return TurnLimits(drive.radius, drive.steering / drive.turning)
+
+
+def _shortest(starts: np.ndarray, goals: np.ndarray, limits: TurnLimits) -> np.ndarray:
+    """Length, kind, sides, angles and straight of each, (n, 7)."""
+    ends = range(0, max(len(starts), 1), AT_ONCE)
+    return np.concatenate([_chunk(starts[i : i + AT_ONCE], goals[i : i + AT_ONCE], limits) for i in ends])
 
 
 def _length(angle: np.ndarray, limits: TurnLimits) -> np.ndarray:
@@ -31,7 +44,7 @@ def _length(angle: np.ndarray, limits: TurnLimits) -> np.ndarray:
     return 2.0 * ramp + np.maximum(angle - peak * ramp, 0.0) / peak
 
 
-def _chunk(starts: np.ndarray, goals: np.ndarray, limits: TurnLimits) -> list[list[tuple[float, float]]]:
+def _chunk(starts: np.ndarray, goals: np.ndarray, limits: TurnLimits) -> np.ndarray:
     grid, table = np.linspace(0.0, TURN, GRID + 1), _bends(limits)
     d = (goals[:, 0] - starts[:, 0]) + 1j * (goals[:, 1] - starts[:, 1])
     goal = d * np.exp(-1j * starts[:, 2])
@@ -72,17 +85,17 @@ def _chunk(starts: np.ndarray, goals: np.ndarray, limits: TurnLimits) -> list[li
                 )
                 better = least < best - 1e-6
                 best[better], found[better] = least[better], own[better]
-    out = []
-    for total, (number, first, second, a, b, s) in zip(best.tolist(), found.tolist(), strict=True):
-        if not np.isfinite(total):
-            out.append([])
-            continue
-        one, two = _pieces(a, int(first), limits), _pieces(b, int(second), limits)
-        line = [(0.0, s)] if s > 1e-6 else []
-        out.append(
-            {"csc": one + line + two, "ccs": one + two + line, "scc": line + one + two}[KINDS[int(number)]]
-        )
-    return out
+    return np.column_stack([best, found])
+
+
+def _turn(total: float, row: list[float], limits: TurnLimits) -> list[tuple[float, float]]:
+    """Pieces of one."""
+    if not np.isfinite(total):
+        return []
+    number, first, second, a, b, s = row
+    one, two = _pieces(a, int(first), limits), _pieces(b, int(second), limits)
+    line = [(0.0, s)] if s > 1e-6 else []
+    return {"csc": one + line + two, "ccs": one + two + line, "scc": line + one + two}[KINDS[int(number)]]
 
 
 def _pieces(angle: float, side: int, limits: TurnLimits) -> list[tuple[float, float]]:
