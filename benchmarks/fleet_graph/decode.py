@@ -27,9 +27,9 @@ class NoEnd(Exception):
 class Choices:
     """A plan. combines, carts: how many are used, the strongest first; call, full: levels of a tank from
     which a cart comes beside, or it is emptied standing, shares; leave: load from which a cart drives to
-    the truck, share; lane: cost of a pass beside which no cart can drive, other: of one in another's band
-    [s]; skip, cart: (which, count) that take another one than the best; late: by which a combine comes
-    later in the order [s].
+    the truck, share; lane: cost of a tank that is cut where no cart can drive beside, other: of a pass in
+    another's band [s]; bias: combine, pass, more cost [s]; cart: counts of calls at which another one than
+    the first comes; late: by which a combine comes later in the order [s].
     """
 
     combines: int
@@ -37,9 +37,9 @@ class Choices:
     call: float = 0.4
     full: float = 0.6
     leave: float = 0.6
-    lane: float = 60.0
+    lane: float = 150.0
     other: float = 120.0
-    skip: frozenset[tuple[int, int]] = frozenset()
+    bias: frozenset[tuple[int, int, float]] = frozenset()
     cart: frozenset[int] = frozenset()
     late: tuple[float, ...] = ()
 
@@ -115,7 +115,6 @@ class Decoder:
         self.left = {c.number for c in lanes.chains}
         self.rest: dict[int, tuple[Chain, int]] = {}
         self.done: set[int] = set()
-        self.counts = [0] * len(used)
         self.calls = 0
         self.keys = 0
         self.inner = 0.0
@@ -236,9 +235,6 @@ class Decoder:
         rows.sort(key=lambda r: (r[0], r[1], r[2], r[3]))
         if not rows:
             return False
-        self.counts[c.number] += 1
-        if (c.number, self.counts[c.number]) in self.p.skip and len(rows) > 2:
-            rows = [r for r in rows if r[5].number != rows[0][5].number] or rows
         rows = rows[:8]
         is_full = c.grain > self.p.full * c.spec.tank and not self.has_lane(rows[0][5])
         if is_full and self.unload(c):
@@ -275,7 +271,9 @@ class Decoder:
         p, cost = self.p, 45.0 * (chain.is_back and chain.is_headland)
         cost += 0.0 if chain.is_headland else self.inner
         if self.carts and not self.has_lane(chain):
-            cost += p.lane
+            mass = math.fsum(self.lanes.mass[cell] for cell in chain.cells)
+            cost += p.lane * mass / c.spec.tank
+        cost += sum(seconds for i, number, seconds in p.bias if (i, number) == (c.number, chain.number))
         if chain.task.combine >= 0 and chain.task.combine != c.number:
             cost += p.other
         return cost

@@ -17,6 +17,7 @@ from swath.fleet.worked import Worked, by_events
 
 CALLS, LEVELS = (0.2, 0.3, 0.4, 0.5, 0.65), (0.35, 0.5, 0.65, 0.8, 0.95)
 COSTS, LATE = (0.0, 30.0, 60.0, 120.0, 240.0), (0.0, 0.0, -60.0, 30.0, 90.0)
+BIAS = (-100.0, -40.0, 40.0, 100.0)
 
 
 @dataclass
@@ -70,13 +71,13 @@ def best_of(job: JobFile, plans: int, lanes: Lanes | None = None) -> Found:
         (n, most[1]) for n in range(most[0] - 1, 0, -1)
     ]
     for n, (c, k) in enumerate(fleets):
-        for lane in (60.0, 200.0) if n == 0 else (60.0,):
+        for lane in (150.0, 500.0) if n == 0 else (150.0,):
             for call in (0.3, 0.5) if k and n == 0 else (0.4,):
                 if out.plans < plans:
                     look(Choices(c, k, call=call, lane=lane))
     while out.plans < plans:
         base = top[draw.choice((0, 0, 0, 1, 2)) % len(top)][2] if top else Choices(*most)
-        look(_changed(base, draw, most))
+        look(_changed(base, draw, most, len(lanes.plan.passes)))
     out.plans_s = time.process_time() - t
     for hours, _, p in top:
         decoder = Decoder(lanes, reserved, p)
@@ -95,18 +96,22 @@ def best_of(job: JobFile, plans: int, lanes: Lanes | None = None) -> Found:
     return out
 
 
-def _changed(p: Choices, draw: random.Random, most: tuple[int, int]) -> Choices:
+def _changed(p: Choices, draw: random.Random, most: tuple[int, int], passes: int) -> Choices:
     """One or two choices otherwise."""
     for _ in range(draw.choice((1, 1, 2))):
-        key = draw.choice(("call", "full", "leave", "lane", "other", "skip", "skip", "cart", "late", "fleet"))
+        key = draw.choice(
+            ("call", "full", "leave", "lane", "other", "bias", "bias", "bias", "cart", "late", "fleet")
+        )
         if key == "call":
             p = replace(p, call=draw.choice(CALLS))
         elif key in ("full", "leave"):
             p = replace(p, **{key: draw.choice(LEVELS)})
         elif key in ("lane", "other"):
-            p = replace(p, **{key: draw.choice(COSTS)})
-        elif key == "skip":
-            p = replace(p, skip=p.skip ^ {(draw.randrange(p.combines), draw.randrange(1, 25))})
+            p = replace(p, **{key: draw.choice(COSTS) * (3.0 if key == "lane" else 1.0)})
+        elif key == "bias":
+            who, number = draw.randrange(p.combines), draw.randrange(passes)
+            rest = {b for b in p.bias if b[:2] != (who, number)}
+            p = replace(p, bias=frozenset(rest | {(who, number, draw.choice(BIAS))}))
         elif key == "cart":
             p = replace(p, cart=p.cart ^ {draw.randrange(1, 40)})
         elif key == "late":

@@ -147,14 +147,19 @@ class _Stretch(NamedTuple):
 
 
 def plan_of(
-    ground: Ground, combines: Sequence[Combine], settings: PlanSettings, drawn: Sequence[Any] = ()
+    ground: Ground,
+    combines: Sequence[Combine],
+    settings: PlanSettings,
+    drawn: Sequence[Any] = (),
+    through: bool = False,
 ) -> Plan:
-    """The plan of a field. drawn: lines of its file.
+    """The plan of a field. drawn: lines of its file; through: rounds are driven through bends about corners
+    of the outline that point into the field, what they leave there is cut by the passes after them.
 
     InputError where a hundredth of it cannot be cut, but for passes of others.
     """
     widths = [c.width - settings.overlap_m for c in combines]
-    made = _Planner(ground, combines, widths, settings)
+    made = _Planner(ground, combines, widths, settings, through)
     lines, notes = _lines_of_others(ground, min(c.width for c in combines), settings, drawn)
     if lines:
         made.along(lines)
@@ -208,8 +213,14 @@ class _Planner:
     """rest: crop that no pass made so far cuts."""
 
     def __init__(
-        self, ground: Ground, combines: Sequence[Combine], widths: list[float], settings: PlanSettings
+        self,
+        ground: Ground,
+        combines: Sequence[Combine],
+        widths: list[float],
+        settings: PlanSettings,
+        through: bool,
     ) -> None:
+        self.through = through
         self.ground, self.combines, self.widths, self.settings = ground, combines, widths, settings
         self.narrowest = min(combines, key=lambda c: c.width)
         self.rest: Any = ground.field
@@ -251,9 +262,10 @@ class _Planner:
         length = np.hypot(*sides.T)
         half = np.maximum(0.5 * length, 0.5 * WAYS.ramp_m)  # over which a bend grows and fades
         radius, turn = _bends(np.roll(sides, 1, axis=0), sides, np.roll(half, 1), half, wanted)
-        corners = np.flatnonzero(
-            (_missed(radius, turn, width) > PARAMS.least_m2) | (radius < tightest)
-        ).tolist()
+        missed = _missed(radius, turn, width) > PARAMS.least_m2
+        if self.through:
+            missed &= _cross(np.roll(sides, 1, axis=0), sides) < 0.0
+        corners = np.flatnonzero(missed | (radius < tightest)).tolist()
         most = float(length.sum()) / len(self.combines)
         for i, j in pairwise([*corners, corners[0] + len(points)] if corners else []):
             if length.take(range(i, j), mode="wrap").sum() >= PARAMS.edge_m:
