@@ -99,3 +99,28 @@ def test_the_moisture_sensor_takes_the_stands_or_its_own():
         sensor = level.component(level.params(moisture_percent=own), setup)
         sensor.reset(STREAM)
         assert test_crop_flow.run(sensor, 1)[0]["grain"].moisture == pytest.approx(wanted)
+
+
+LATE = """
+format: swath scenario 2
+name: late
+field:
+  edge: {shape: straight}
+  origin: {latitude_deg: 52.3, longitude_deg: 10}
+  stand: {straw_moisture_percent: [[6, 25], [11, 11]], start_hour: START}
+  weather: {time: "2026-07-25T08:30+02:00"}
+machines: {combine: {machine: lexion-700-class}}
+"""
+
+
+@pytest.mark.parametrize("start", ["8.5", "null"])
+def test_the_weathers_time_is_the_hour_of_the_stand(start):
+    section = parse_scenario(LATE.replace("START", start)).field
+    assert build_field(section, stream=STREAM, base=None).field.moisture.at(0)["straw_moisture"] == (
+        pytest.approx(0.18)
+    )
+
+
+def test_two_hours_of_one_day_are_refused():
+    with pytest.raises(InputError, match=r"stand.start_hour = 8.0: expected 8.5, .*field.weather.time"):
+        build_field(parse_scenario(LATE.replace("START", "8")).field, stream=STREAM, base=None)

@@ -14,7 +14,7 @@ Percent = Annotated[float, Ge(0.0), Le(80.0)]
 Hour = Annotated[float, Ge(0.0), Le(24.0)]
 ByHour = Percent | Annotated[tuple[tuple[Hour, Percent], ...], MinLen(1)]
 FromWeather = ByHour | Literal["weather"]
-DAY, HOUR = 24.0, 3600.0  # [h], [s]
+DAY, NOON, HOUR = 24.0, 12.0, 3600.0  # [h], [h], [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,12 +25,13 @@ class Moisture:
         and percent, linear between them
     straw_moisture_percent: water in the straw, likewise; 25 at dew and 11 at noon are usual, an estimate;
         `weather`: dew, rain and drying by field.weather
-    start_hour: time of day at the start of the run, for what goes by the hour
+    start_hour: time of day at the start of the run, for what goes by the hour; none = that of
+        field.weather.time, without which it is 12
     """
 
     grain_moisture_percent: ByHour = 14.0
     straw_moisture_percent: FromWeather = 12.0
-    start_hour: Hour = 12.0
+    start_hour: Hour | None = None
 
     def __post_init__(self) -> None:
         for key in ("grain_moisture_percent", "straw_moisture_percent"):
@@ -41,7 +42,7 @@ class Moisture:
 
     def at(self, t: int) -> dict[str, float]:
         """`grain_moisture` and `straw_moisture` at a time [ns] of the run, shares of the wet mass."""
-        hour = self.start_hour + t / NS / HOUR
+        hour = (NOON if self.start_hour is None else self.start_hour) + t / NS / HOUR
         return {
             "grain_moisture": PERCENT * _percent(self.grain_moisture_percent, hour),
             "straw_moisture": PERCENT * _percent(self.straw_moisture_percent, hour),

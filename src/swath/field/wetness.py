@@ -29,7 +29,7 @@ from swath.field.heat import (
     sky_radiation,
 )
 from swath.field.light import light
-from swath.field.moisture import DAY, HOUR, Moisture
+from swath.field.moisture import DAY, HOUR, NOON, Moisture
 from swath.field.weather import Air, SiteWeather, hour_of
 from swath.signals import F64
 
@@ -94,17 +94,21 @@ def day_of(weather: SiteWeather, start: float, height: float) -> tuple[F64, F64,
 
 
 def by_weather(moisture: Moisture, weather: SiteWeather | None, height: float) -> Moisture:
-    """Moisture of a stand, of its straw that of the weather where it says so."""
+    """Moisture of a stand by the hour of its weather, of its straw that of the weather where it says so."""
+    key, own = "field.stand.straw_moisture_percent", moisture.start_hour
+    if weather is not None and weather.start is not None:
+        start = hour_of(weather.start)
+        if own is not None and abs(own - start) * HOUR >= 60.0:
+            expected = f"expected {start:.4g}, the hour of field.weather.time, or none"
+            raise InputError("field.stand.start_hour", own, expected)
+        moisture = replace(moisture, start_hour=start)
     if moisture.straw_moisture_percent != BY_WEATHER:
         return moisture
-    key = "field.stand.straw_moisture_percent"
     if weather is None:
         raise InputError(key, BY_WEATHER, "expected field.weather beside it")
-    start = moisture.start_hour
-    if weather.start is not None:
-        start = hour_of(weather.start)
+    start = NOON if moisture.start_hour is None else moisture.start_hour
     hours, film, content = day_of(weather, start, height)
     water = content * STRAW + film
     percents = (water / (STRAW + water) / PERCENT).tolist()
     pairs = tuple(zip(hours.tolist(), percents, strict=True))
-    return replace(moisture, straw_moisture_percent=pairs, start_hour=start)
+    return replace(moisture, straw_moisture_percent=pairs)

@@ -52,7 +52,7 @@ from swath.scenario.machine_types import ORGANS
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario
 from swath.scenario.sections import StartPose
-from swath.scenario.slots import SLOTS, TRUTH, kind_of
+from swath.scenario.slots import CATALOGUE, SLOTS, TRUTH, kind_of
 from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup, MachineGeometry
 
@@ -482,13 +482,13 @@ def _node(
     section: MachineSection, slot: str, choice: SlotChoice, component: Any, machines: Mapping[str, Machine]
 ) -> Node:
     """A component with its wires to the parts of all machines."""
-    common = choice.common
+    common, key = choice.common, f"{section.name}.{slot}.level"
     ports = {p.name: p for p in component.inputs}
     if choice.kind.is_control and not choice.found.sees_truth:
         for port in ports.values():
             if port.signal in TRUTH:
                 expected = f"expected a part without the input {port.name}: control never sees the truth"
-                raise InputError(f"{section.name}.{slot}.level", choice.level, expected)
+                raise InputError(key, choice.level, expected)
     sent = {
         f"{name}.{other}": {p.name for p in part.outputs}
         for name, machine in machines.items()
@@ -504,6 +504,18 @@ def _node(
         return port in ports and (is_there or not ports[port].optional)
 
     wires = {port: wire for port, wire in choice.wires.items() if is_kept(port, *wire)}
+    is_whole = len(section.slots) == len(section.present)
+    for port, (source, output) in wires.items():
+        is_absent = source not in present and is_whole
+        if port in common.wires or not (is_absent or output not in sent.get(source, {output})):
+            continue
+        other, needed = source, output
+        if is_absent and source.rpartition(".")[2] in ORGANS:
+            other, needed = f"{section.name}.process", "organs"
+        elif is_absent:
+            raise InputError(key, choice.level, f"expected a slot {source} beside it, whose {output} it takes")
+        what = f"expected {other} at {_levels_with(needed, other)}: it takes {source}.{output}"
+        raise InputError(key, choice.level, what)
     timing = Slot(
         f"{section.name}.{slot}", from_hz(common.rate_hz), round(common.offset_ms * 1e6), common.latch
     )
@@ -512,6 +524,15 @@ def _node(
     except InputError as error:
         raise InputError(f"{section.name}.{slot}.{error.key}", error.value, error.expected) from error
     return Node(timing, component, wires, _guarded(timing.name, choice, component, fault))
+
+
+def _levels_with(output: str, slot: str) -> str:
+    """Levels of a slot that send an output, as an error says them."""
+    kind, registry = kind_of(slot.rpartition(".")[2]), CATALOGUE.registry
+    levels = {} if kind is None else {n: registry.get(kind.name, n) for n in registry.names(kind.name)}
+    outputs = {name: getattr(level.component, "outputs", ()) for name, level in levels.items()}
+    found = [name for name, ports in outputs.items() if output in [port.name for port in ports]]
+    return f"level {' or '.join(found)}" if found else "another level"
 
 
 def _guarded(
