@@ -14,7 +14,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.schedule import NS
 from swath.documents.j1939 import dbc_file
-from swath.link.can.bus import open_bus
+from swath.link.can.bus import Node, open_bus
 from swath.link.can.isobus import ADDRESS, DATA, IsobusMachine
 from swath.link.can.task_client import Datum, TaskClient, object_pool
 from swath.runtime.assembly import assemble
@@ -382,41 +382,71 @@ def test_a_bus_that_is_none_is_refused(word, said, tmp_path, capsys):
     assert said in capsys.readouterr().err
 
 
-ORGANS = ["combine.process.level=organs", "combine.settings=fixed"]
+ORGANS = ["combine.process.level=organs", "combine.settings=fixed", "combine.crop_flow=counted"]
 
 
-def with_organs(script, seconds=9.0):
-    """The bundled scenario feed-rate with organs, changes and a task controller: (controller, run)."""
+def with_organs(script, seconds=9.0, say=()):
+    """The bundled scenario feed-rate with organs, changes and a task controller: (controller, run, world).
+
+    say: proprietary messages that a box sends after 2 s: name, values
+    """
     where = own_bus()
-    controller = Controller(where, script)
+    controller, box = Controller(where, script), Node(where, 200, device_class=0)
     world = assemble(load_scenario("feed-rate", sets=[*QUICK, *ORGANS]))
     observers, changes, hook = [], Interventions(world), IsobusMachine(where)
     try:
         hook.begin(SimpleNamespace(world=world, observers=observers, changes=changes))
         world.graph.before_tick.append(lambda t: time.sleep(0.002))
+        drive(world, observers, until_s=2.0)
+        for name, values in say:
+            box.send(name, values)
         drive(world, observers, until_s=seconds)
+        sent = []
+        while (message := box.receive()) is not None:
+            sent.append(message)
         hook.close()
         world.close()
     finally:
         controller.close()
-    return controller, changes
+        box.close()
+    return controller, changes, sent
 
 
 def test_a_task_controller_sets_the_organs_and_reads_what_they_come_to():
     script = [(4, 0, ddi, 500) for ddi in (243, 251, 255, 250)]
     script += [(3, 0, 250, 9), (3, 0, 254, 12_500), (3, 0, 242, 5), (3, 0, 246, 4_000), (3, 0, 251, 9)]
-    controller, changes = with_organs(script)
+    script += [(2, 0, ddi, 0) for ddi in (252, 253, 256, 257)] + [(3, 0, 253, 9), (2, 1, 100, 0)]
+    controller, changes, _ = with_organs(script)
     keys = {event["set"].rpartition(".")[2]: event["value"] for event in changes.events}
     assert keys == {"concave_mm": 9.0, "fan_rpm": 750.0, "lower_sieve_mm": 5.0}
     values = {
-        ddi: [v for how, _, d, v in controller.values if (how, d) == (3, ddi)] for ddi in (251, 255, 250, 243)
+        ddi: [v for how, _, d, v in controller.values if (how, d) == (3, ddi)] for ddi in range(100, 258)
     }
     assert values[250][-1] == values[251][-1] == 9  # mm, set and come to
     assert values[251][0] > 9
     assert values[255][-1] == pytest.approx(12_500, abs=1)
     assert values[243][-1] == 5
+    assert values[252] + values[253] == [1, 100]  # the least and the greatest that the setting takes [mm]
+    assert values[256] + values[257] == [1, 5000 * 1000 // 60]
+    assert values[100] == [2000]  # ppm: the least that the grain camera tells, nothing flows yet
     refused = [(ddi, v & 0xFF) for how, _, ddi, v in controller.values if how == 0xD]
-    assert refused == [(246, 16), (251, 16)]  # further open than a sieve is; what is measured is not set
+    assert refused == [(246, 16), (251, 16), (253, 16)]  # further than a sieve opens; not to be set
     pool = {o["ddi"]: o["properties"] for o in read_pool(controller.pool).values() if o["kind"] == "DPD"}
     assert {ddi for ddi, flags in pool.items() if flags & 0b10} == {242, 246, 250, 254}
-    assert {243, 247, 251, 255, 93, 96, 98} <= set(pool)
+    assert {*range(242, 258), 93, 96, 98, 100} <= set(pool)
+
+
+def test_drum_and_vanes_are_set_and_told_by_messages_of_their_own():
+    """They have no DDI. The drum turns by 20 rpm more in a second, the vanes by 1 degree."""
+    say = [("OrganCommand", {"DrumSpeedCommand": 600.0}), ("OrganCommand", {"VaneAngleCommand": 28.0})]
+    _, changes, sent = with_organs([], seconds=20.0, say=say)
+    assert {e["set"]: e["value"] for e in changes.events} == {
+        "combine.settings.drum_rpm": 600.0,
+        "combine.settings.vane_deg": 28.0,
+    }
+    told = [m.values for m in sent if m.name == "OrganStatus"]
+    assert len(told) == 20
+    assert told[0]["DrumSpeed"] != 600.0
+    assert (told[-1]["DrumSpeed"], told[-1]["VaneAngle"]) == (600.0, 28.0)
+    assert told[-1]["Returns"] > 0.0
+    assert told[-1]["BrokenGrain"] >= 0.2

@@ -513,7 +513,9 @@ def _node(
         if is_absent and source.rpartition(".")[2] in ORGANS:
             other, needed = f"{section.name}.process", "organs"
         elif is_absent:
-            raise InputError(key, choice.level, f"expected a slot {source} beside it, whose {output} it takes")
+            raise InputError(
+                key, choice.level, f"expected a slot {source} beside it, whose {output} it takes"
+            )
         what = f"expected {other} at {_levels_with(needed, other)}: it takes {source}.{output}"
         raise InputError(key, choice.level, what)
     timing = Slot(

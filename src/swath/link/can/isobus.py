@@ -4,17 +4,20 @@ Messages of ISO 11783-7 and J1939 on the clock of the run: EEC1 every 20 ms, EEC
 ground-based speed and the state of the header (front hitch) every 100 ms; the client is in task_client.py.
 Values are what the machine's own sensors and control units send, never the truth; what it does not measure
 is `not available` or no part of the description. What `settings: fixed` wants of the organs a task controller
-may set: each is a change of the run, kept among its events.
+may set, and what has no data identifier a proprietary message: each is a change of the run, kept among its
+events.
 """
 
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
-from swath.control.settings.fixed import UNITS
+from annotated_types import Le
+
+from swath.control.settings.fixed import UNITS, Params
 from swath.core.errors import SwathError
 from swath.core.schedule import NS
-from swath.core.units import MM
+from swath.core.units import DEG, MM
 from swath.documents import j1939
 from swath.link.can import guidance
 from swath.link.can.bus import Node, Where
@@ -25,18 +28,21 @@ from swath.runtime.world import Machine
 from swath.signals import (
     CropFlow,
     EngineState,
+    GrainImage,
     GroundSpeed,
     HeaderState,
     LossReading,
     Odometry,
     OrganSettings,
+    ReturnsReading,
     Signal,
     YieldReading,
 )
 from swath.signals.settings import NAMES, own_settings
 
 ENGINE, LOAD, HEADER = "ElectronicEngineController1", "ElectronicEngineController2", "FrontHitchStatus"
-EVERY = {ENGINE: NS // 50, LOAD: NS // 20, guidance.WHEEL: NS // 10}
+ORGANS, COMMAND = "OrganStatus", "OrganCommand"
+EVERY = {ENGINE: NS // 50, LOAD: NS // 20, guidance.WHEEL: NS // 10, ORGANS: NS}
 MOST_HEARD = 1000  # messages between two ticks: a bus that is flooded does not stop the run
 ADDRESS = 128  # the first that a control function may choose itself (ISO 11783-5)
 IN_WORK_M = 0.5  # a knife lower than that is at work: the standard leaves the threshold to the maker
@@ -55,12 +61,16 @@ DATA = (  # DDI and scale: ISO 11783-11 as in the public dictionary, isobus.net
     Datum(93, 0, "loss per area", 1e-6, "kg/m2"),
     Datum(96, 0, "loss", 1e-6, "kg/s"),
     Datum(98, 0, "loss of the grain", 1e-4, "%"),
+    Datum(100, 1, "contamination", 1e-4, "%"),
 )
 WANTED = {242: "lower_sieve_mm", 246: "upper_sieve_mm", 250: "concave_mm", 254: "fan_rpm"}
-"""DDI of a setting as it is wanted -> key of `settings: fixed`; the next DDI is of the setting as it is."""
+"""DDI of a setting as it is wanted -> key of `settings: fixed`; then those of the setting as it is, of the
+least and of the greatest that is taken."""
+COMMANDED = {"DrumSpeedCommand": "drum_rpm", "VaneAngleCommand": "vane_deg"}
 NAME_OF = dict(zip(UNITS, NAMES, strict=True))
 NEEDS = {141: CropFlow, 397: Odometry, 149: EngineState, 67: CropFlow, 116: CropFlow, 87: YieldReading,
-         90: YieldReading, 99: YieldReading, 93: LossReading, 96: LossReading, 98: LossReading}  # fmt: skip
+         90: YieldReading, 99: YieldReading, 93: LossReading, 96: LossReading, 98: LossReading,
+         100: GrainImage}  # fmt: skip
 TASK_PGNS = frozenset((PROCESS_DATA, TP_CONTROL, TP_DATA))
 
 
@@ -83,7 +93,7 @@ class IsobusMachine(RunHook):
         self._wanted, self._actual = OrganSettings(0), dict[str, float]()
         self._way = self._grain = self._area = 0.0
         self._before: int | None = None
-        self._due = dict.fromkeys(EVERY, 0)
+        self._due = {name: 0 for name in EVERY if name != ORGANS or machine.slots_of("settings")}
         self._has_guidance = any(c.level == "can" for c in machine.section.slots.values())
         self._node = Node(self._where, ADDRESS, device_class=j1939.HARVESTER, raw=TASK_PGNS)
         self._client = TaskClient(
@@ -125,8 +135,12 @@ class IsobusMachine(RunHook):
 
     def _put(self, ddi: int, value: float) -> bool:
         """Set what is wanted of an organ, in the unit of the value; False where that cannot be."""
-        key, (slot,) = WANTED[ddi], self._machine.slots_of("settings")
-        wanted = float(f"{value * _unit(key)[0] / UNITS[key]:.6g}")
+        key = WANTED[ddi]
+        return self._set(key, value * _unit(key)[0] / UNITS[key])
+
+    def _set(self, key: str, value: float) -> bool:
+        """Set a key of the settings; False where that cannot be."""
+        (slot,), wanted = self._machine.slots_of("settings"), float(f"{value:.6g}")
         try:
             self._run.changes.set(self._run.world.graph.t, f"{self._machine.name}.{slot}.{key}", wanted)
         except SwathError:
@@ -144,6 +158,8 @@ class IsobusMachine(RunHook):
                 break
             if message.pgn in TASK_PGNS:
                 client.hear(message.pgn, message.data, message.source, t, values)
+            elif message.name == COMMAND and ORGANS in self._due:
+                self._command(message.values)
         client.tick(t, 1000.0 * self._way, values)
         due = [name for name, at in self._due.items() if t >= at]
         self._due |= {name: t + EVERY[name] for name in due}
@@ -153,9 +169,30 @@ class IsobusMachine(RunHook):
         if LOAD in due:
             share = None if engine is None else 100.0 * engine.load
             self._send(LOAD, {"EnginePercentLoadAtCurrentSpeed": share})
+        if ORGANS in due:
+            self._send(ORGANS, self._organs())
         if guidance.WHEEL in due:
             self._send_speeds()
             self._send(HEADER, header_values(self._latest.get(HeaderState), self._machine.cuts))
+
+    def _command(self, values: Values) -> None:
+        """Set what a command asks for that is not wanted yet."""
+        wanted = own_settings(self._machine.sheet.works, self._crop, self._wanted)
+        for name, key in COMMANDED.items():
+            asked = values.get(name)
+            if asked is not None and abs(asked * UNITS[key] - wanted[NAME_OF[key]]) > 1e-9:
+                self._set(key, asked)
+
+    def _organs(self) -> Values:
+        """What of the organs has no data identifier."""
+        wanted = own_settings(self._machine.sheet.works, self._crop, self._wanted)
+        returns, image = self._latest.get(ReturnsReading), self._latest.get(GrainImage)
+        return {
+            "DrumSpeed": self._actual.get("drum", wanted["drum"]) * RPM,
+            "VaneAngle": wanted["vane"] / DEG,
+            "Returns": None if returns is None else returns.flow,
+            "BrokenGrain": None if image is None else 100.0 * image.broken,
+        }
 
     def _send_speeds(self) -> None:
         """Not where a steering level on the bus already does."""
@@ -201,12 +238,20 @@ class IsobusMachine(RunHook):
                 found[98] = 100.0 * lost / (grain.flow + lost)
             if (rate := found.get(67, 0.0) * found.get(397, 0.0)) > 0.0:
                 found[93] = lost / rate
-        crop, works = str(self._run.world.field.stand.crop), self._machine.sheet.works
-        wanted = own_settings(works, crop, self._wanted)
+        image = self._latest.get(GrainImage)
+        if image is not None:
+            found[100] = 100.0 * image.foreign
+        wanted = own_settings(self._machine.sheet.works, self._crop, self._wanted)
         for ddi, key in WANTED.items():
-            name, unit = NAME_OF[key], _unit(key)[0]
+            name, (unit, count, _) = NAME_OF[key], _unit(key)
+            greatest = _greatest(key) * UNITS[key] / unit
             found |= {ddi: wanted[name] / unit, ddi + 1: self._actual.get(name, wanted[name]) / unit}
+            found |= {ddi + 2: count, ddi + 3: greatest - greatest % count}
         return {ddi: value for ddi, value in found.items() if value == value}
+
+    @property
+    def _crop(self) -> str:
+        return str(self._run.world.field.stand.crop)
 
     def _send(self, name: str, values: Values) -> None:
         if self._node is not None:
@@ -232,12 +277,22 @@ def data_of(machine: Machine) -> tuple[Datum, ...]:
             organ = "threshing" if name == "concave" else "cleaning"
             if any(port.name == "actual" for port in ports.get(organ, ())):
                 found.append(Datum(ddi + 1, 0, f"{name} as it is", scale, unit))
+            if is_fixed:
+                found.append(Datum(ddi + 2, 0, f"{name} least", scale, unit))
+                found.append(Datum(ddi + 3, 0, f"{name} greatest", scale, unit))
     return tuple(found)
 
 
 def _unit(key: str) -> tuple[float, float, str]:
     """Of the data of a setting: in SI, its scale, as shown."""
     return (TURN, 1e-3, "1/s") if key == "fan_rpm" else (MM, 1.0, "mm")
+
+
+def _greatest(key: str) -> float:
+    """The greatest value that a key of the settings takes."""
+    (hint, _) = get_args(get_type_hints(Params, include_extras=True)[key])
+    bound: Any = next(mark.le for mark in hint.__metadata__ if isinstance(mark, Le))
+    return float(bound)
 
 
 def header_values(header: HeaderState | None, has_header: bool) -> Values:
