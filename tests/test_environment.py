@@ -144,6 +144,14 @@ def _alike(one, other):
         ({"combine.lidar.fault.loss_percent": 40.0}, {"autoreset_mode": "NextStep"}),
         (
             {
+                "combine.process.level": "organs",
+                "combine.crop_flow": "counted",
+                "combine.settings": {"level": "fixed", "rate_hz": 10},
+            },
+            {"autoreset_mode": "NextStep", "settings": ["fan_rpm", "concave_mm"], "period_s": 0.2},
+        ),
+        (
+            {
                 "combine.lidar": "off",
                 "combine.edge": "truth",
                 "combine.header.level": "fixed_height",
@@ -152,7 +160,16 @@ def _alike(one, other):
             {"autoreset_mode": "SameStep", "picture": True},
         ),
     ],
-    ids=["next step", "same step, scans", "seeds, speed", "truncated", "part by part", "lost", "pictures"],
+    ids=[
+        "next step",
+        "same step, scans",
+        "seeds, speed",
+        "truncated",
+        "part by part",
+        "lost",
+        "settings",
+        "pictures",
+    ],
 )
 def test_worlds_in_step_give_the_bits_of_environments_of_their_own(more, words):
     """Three environments over several episodes, which end at different times."""
@@ -398,6 +415,53 @@ def test_speed_is_an_action_too():
     env.close()
     assert fast[-1, 5] > 2.0 > 1.0 > slow[-1, 5]
     assert info["t_s"] < later["t_s"]
+
+
+THRESHES = {
+    "run.distance_m": 40,
+    "combine.lidar": "off",
+    "combine.edge.level": "truth",
+    "combine.motion.start_speed_kmh": 7,
+    "combine.process.level": "organs",
+    "combine.settings": {"level": "fixed", "rate_hz": 10},
+    "combine.crop_flow": {"level": "counted", "loss_hits_per_kg": 0, "camera_noise_percent": 0},
+}
+BROKEN = 13
+
+
+def threshed(action):
+    """What is observed at the end of a run in which the policy sets drum and concave, and the power."""
+    env = swath.Env("straight", sets=THRESHES, steer=False, settings=["drum_rpm", "concave_mm"], period_s=0.5)
+    rows, _, _ = episode(env, action)
+    power = env.world.graph.latest("combine.process", "organs").threshing_power
+    env.close()
+    assert env.action_space.shape == (2,)
+    assert rows.shape[1] == 15
+    return rows[-1], power
+
+
+def test_settings_are_an_action():
+    """A fifth more drum with a closer concave breaks more than the machine's own, and takes more power."""
+    (own, power), (hard, more), (soft, less) = map(threshed, ([0.0, 0.0], [0.5, -0.5], [-0.5, 0.5]))
+    assert own[8] > 5.0
+    assert hard[BROKEN] > 1.5 * own[BROKEN] > 0.0
+    assert soft[BROKEN] < own[BROKEN]
+    assert less < power < more
+    assert more == pytest.approx(power * 1.2 * 0.8**-0.2, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"settings": ["drum"]}, "settings = drum: expected some of drum_rpm"),
+        ({"settings": ["drum_rpm"], "sets": SETS}, "expected organs, by sets=.*combine.settings"),
+        ({"settings": ["drum_rpm"], "settings_percent": 100}, "settings_percent = 100: expected > 0"),
+        ({"steer": False}, "steer = False: expected an action"),
+    ],
+)
+def test_settings_that_nobody_could_set_are_refused(words, said):
+    with pytest.raises(InputError, match=said):
+        swath.Env("straight", **{"sets": THRESHES, **words})
 
 
 def test_a_machine_that_is_not_there_is_refused():

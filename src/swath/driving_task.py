@@ -2,7 +2,7 @@
 
 import dataclasses
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import tan
 from typing import Any
@@ -10,22 +10,25 @@ from typing import Any
 import numpy as np
 
 from swath.api import Sets, load_scenario
+from swath.control.settings.fixed import UNITS
 from swath.core.abilities import HasRange
 from swath.core.component import Port
 from swath.core.errors import Extra, InputError, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
-from swath.core.units import KMH
+from swath.core.units import KMH, PERCENT
 from swath.documents.validation import unknown_key
 from swath.judge.evaluation import Evaluation
 from swath.judge.windows import FIELD
 from swath.runtime.assembly import assemble, exchange
-from swath.runtime.world import World
+from swath.runtime.world import Machine, World
+from swath.scenario.machine_types import ORGANS
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import kind_of
 from swath.sensing.camera.rays import SceneCamera
-from swath.signals import Signal, SpeedCommand, SteerCommand
+from swath.signals import OrganSettings, Signal, SpeedCommand, SteerCommand
+from swath.signals.settings import NAMES, own_settings
 
 with Extra("gym", "swath.Env"):
     from gymnasium import logger, spaces
@@ -36,19 +39,38 @@ OBSERVED = (  # name, largest size; the edge's offset counts from the header end
 )  # fmt: skip
 OF_EDGE = ("offset", "heading", "curvature", "confidence", "offset_sd")
 OF_ODOMETRY = ("speed", "yaw_rate", "steer_angle")
+OF_CROP = (  # with settings, too: name, output of `crop_flow` and its field, largest size
+    ("feed_kg_s", "feed", "flow", 200.0), ("grain_kg_s", "grain", "flow", 100.0),
+    ("separation_loss_kg_s", "loss", "separation", 50.0), ("cleaning_loss_kg_s", "loss", "cleaning", 50.0),
+    ("returns_kg_s", "returns", "flow", 50.0), ("broken", "quality", "broken", 1.0),
+    ("foreign", "quality", "foreign", 1.0),
+)  # fmt: skip
 OUTSIDE = 1e-6  # of an action beyond its space: more than float32 rounds off
 
 
 class Commanded(InWorlds):
-    """A part of a machine that sends what it was given last. kind: of the command.
+    """A part of a machine that sends what it was given last.
 
-    field: the field of it that is given; more: its other fields; value: given last
+    port: its output; kind: of what it sends; scales: its fields that are given, with what an action of the
+    policy is worth in each; more: its other fields; rest: values before the first action
     """
 
-    def __init__(self, kind: type[Signal], field: str, **more: Any) -> None:
+    def __init__(
+        self,
+        port: str,
+        kind: type[Signal],
+        scales: Mapping[str, Callable[[float], float]],
+        rest: Sequence[float],
+        **more: Any,
+    ) -> None:
         self.inputs: tuple[Port, ...] = ()
-        self.outputs = (Port("command", kind),)
-        self.kind, self.field, self.more, self.value = kind, field, more, 0.0
+        self.outputs = (Port(port, kind),)
+        self.kind, self.scales, self.more = kind, scales, more
+        self.rest, self.values = rest, rest
+
+    def tell(self, action: Sequence[float]) -> None:
+        """What holds from now on."""
+        self.values = [scale(a) for scale, a in zip(self.scales.values(), action, strict=True)]
 
     @classmethod
     def together(cls, parts: Sequence["Commanded"]) -> "Commands":
@@ -71,9 +93,10 @@ class Commands(KeepsRows):
         return self._samples(t + dt)
 
     def _samples(self, t: int) -> dict[str, Samples]:
-        first, values = self.parts[0], np.array([part.value for part in self.parts])
+        first, values = self.parts[0], np.array([part.values for part in self.parts], dtype=float)
+        given = {name: values[:, k].copy() for k, name in enumerate(first.scales)}
         more = {name: np.full(len(values), value) for name, value in first.more.items()}
-        return {"command": Samples(first.kind, t, {first.field: values, **more})}
+        return {first.outputs[0].name: Samples(first.kind, t, given | more)}
 
 
 @dataclass
@@ -116,8 +139,11 @@ class Task:
         sets: Sets = (),
         machine: str | None = None,
         period_s: float = 0.1,
+        steer: bool = True,
         speed: bool = False,
         speed_kmh: float = 10.0,
+        settings: Sequence[str] = (),
+        settings_percent: float = 40.0,
         limits_s: float = 1.0,
         code: bool = False,
         picture: bool = False,
@@ -135,8 +161,17 @@ class Task:
         if self.machine not in first.machines:
             raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
         self.period, self.limits_period = round(period_s * NS), round(limits_s * NS)
-        self.with_speed, self.top = speed, speed_kmh * KMH
-        size = np.array([largest for _, largest in OBSERVED], dtype=np.float32)
+        self.with_steer, self.with_speed, self.top = steer, speed, speed_kmh * KMH
+        self.settings, self.change = tuple(settings), settings_percent * PERCENT
+        self.slot = self.flow = ""  # of the settings, and of the sensors of what becomes of the crop
+        if self.settings:
+            self.slot, self.flow = self._with_organs(first, settings_percent)
+        count = steer + speed + len(self.settings)
+        if not count:
+            raise InputError("steer", steer, "expected an action: steer, speed or settings")
+        largest = [size for _, size in OBSERVED]
+        largest += [size for *_, size in OF_CROP if self.flow]
+        size = np.array(largest, dtype=np.float32)
         self.values = spaces.Box(-size, size, dtype=np.float32)
         self.camera = self._first(first, "camera", "picture") if picture else ""
         self.lidar = self._first(first, "lidar", "scan") if scan else ""
@@ -147,7 +182,7 @@ class Task:
             seen["scan"] = self._scan_space(first)
         self._has_warned = False
         self.seen = spaces.Dict(seen) if picture or scan else self.values
-        self.action = spaces.Box(-1.0, 1.0, shape=(2 if speed else 1,), dtype=np.float32)
+        self.action = spaces.Box(-1.0, 1.0, shape=(count,), dtype=np.float32)
 
     def drawn(self, random: np.random.Generator) -> int:
         """The seed of an episode that was given none."""
@@ -160,14 +195,46 @@ class Task:
         world = assemble(load_scenario(self.scenario, sets=self.sets, seed=seed, code=self.code))
         machine = world.machines[self.machine]
         geometry = machine.recorded().geometry
-        tightest = tan(geometry.max_steer) / geometry.wheelbase
         wanted = geometry.header_end(machine.edge_side)[1] if geometry.has_header else 0.0
-        steer = Commanded(SteerCommand, "curvature", is_engaged=True)
-        exchange(world, f"{self.machine}.steer", steer, {})
-        speed = Commanded(SpeedCommand, "speed")
+        told = {}
+        if self.with_steer:
+            tightest = tan(geometry.max_steer) / geometry.wheelbase
+            curvature = {"curvature": lambda a: a * tightest}
+            told["steer"] = Commanded("command", SteerCommand, curvature, [0.0], is_engaged=True)
         if self.with_speed:
-            exchange(world, f"{self.machine}.speed", speed, {})
-        return Driven(seed, world, steer, speed, tightest, self.top, wanted)
+            given = {"speed": lambda a: 0.5 * (1.0 + a) * self.top}
+            told["speed"] = Commanded("command", SpeedCommand, given, [0.0])
+        if self.settings:
+            told[self.slot] = self._settings_of(world, machine)
+        for slot, part in told.items():
+            exchange(world, f"{self.machine}.{slot}", part, {})
+        return Driven(seed, world, tuple(told.values()), wanted)
+
+    def _settings_of(self, world: World, machine: Machine) -> Commanded:
+        """Settings around those that the machine has for its crop."""
+        own = own_settings(machine.sheet.works, str(world.field.stand.crop))
+        fields = dict(zip(UNITS, NAMES, strict=True))
+        scales = {
+            fields[key]: lambda a, own=own[fields[key]]: own * (1.0 + self.change * a)
+            for key in self.settings
+        }
+        return Commanded("settings", OrganSettings, scales, [own[name] for name in scales])
+
+    def _with_organs(self, scenario: Scenario, percent: float) -> tuple[str, str]:
+        """Slots of the settings and of the sensors on the crop's way. InputError without them."""
+        for key in self.settings:
+            if key not in UNITS:
+                raise InputError("settings", key, f"expected some of {', '.join(UNITS)}")
+        if not 0.0 < percent < 100.0:
+            raise InputError("settings_percent", percent, "expected > 0 and < 100")
+        there, name = scenario.machines[self.machine].slots, self.machine
+        wanted = ("settings", "crop_flow")
+        slots = [[slot for slot, c in there.items() if c.kind.name == kind] for kind in wanted]
+        if not all(slots) or not set(ORGANS) & set(there):
+            such = {"process.level": "organs", "settings": "fixed", "crop_flow": "counted"}
+            sets = {f"{name}.{key}": level for key, level in such.items()}
+            raise InputError("settings", list(self.settings), f"expected organs, by sets={sets}")
+        return slots[0][0], slots[1][0]
 
     def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:
         """Actions within the space, the first outside it with a warning.
@@ -190,9 +257,17 @@ class Task:
             )
         return cut
 
-    def values_of(self, edge: Samples | None, odometry: Samples | None, wanted: np.ndarray) -> np.ndarray:
-        """`OBSERVED` of worlds, float32, (n, 8). wanted: y of the header end in each."""
-        found = np.zeros((len(wanted), len(OBSERVED)))
+    def values_of(
+        self,
+        edge: Samples | None,
+        odometry: Samples | None,
+        wanted: np.ndarray,
+        crop: Sequence[Samples | None] = (),
+    ) -> np.ndarray:
+        """`OBSERVED` and `OF_CROP` of worlds, float32, (n, 8 or 15). wanted: y of the header end in each;
+        crop: the newest of each of `OF_CROP`.
+        """
+        found = np.zeros((len(wanted), len(self.values.low)))
         if edge is not None:
             columns = [np.broadcast_to(field_of(edge, name), len(wanted)) for name in OF_EDGE]
             offset, confidence = columns[0], columns[3]
@@ -201,6 +276,9 @@ class Task:
         if odometry is not None:
             for k, name in enumerate(OF_ODOMETRY, len(OF_EDGE)):
                 found[:, k] = field_of(odometry, name)
+        for k, (sent, (_, _, name, _)) in enumerate(zip(crop, OF_CROP, strict=False), len(OBSERVED)):
+            if sent is not None:
+                found[:, k] = field_of(sent, name)
         seen: np.ndarray = np.clip(np.nan_to_num(found), self.values.low, self.values.high)
         return seen.astype(np.float32)
 
@@ -248,28 +326,26 @@ def known_words(of: type, words: Mapping[str, Any], more: Sequence[str] = ()) ->
 class Driven:
     """A world that a policy drives.
 
-    tightest: curvature of the tightest turn [1/m]
-    top: speed [m/s]
+    told: parts that send its actions, in their order
     wanted: as `values_of` has it
     """
 
     seed: int
     world: World
-    steer: Commanded
-    speed: Commanded
-    tightest: float
-    top: float
+    told: tuple[Commanded, ...]
     wanted: float
 
     def tell(self, action: Sequence[float]) -> None:
         """What holds from now on. action: within the space."""
-        self.steer.value = action[0] * self.tightest
-        if len(action) > 1:
-            self.speed.value = 0.5 * (1.0 + action[1]) * self.top
+        left = list(action)
+        for part in self.told:
+            part.tell(left[: len(part.scales)])
+            del left[: len(part.scales)]
 
     def tell_nothing(self) -> None:
         """What holds before the first action."""
-        self.steer.value = self.speed.value = 0.0
+        for part in self.told:
+            part.values = part.rest
 
 
 def scan_of(ranges: np.ndarray) -> np.ndarray:

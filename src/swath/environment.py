@@ -23,11 +23,12 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     """A machine of a scenario that a policy drives; everything else is as in the scenario.
 
     Action, in [-1, 1]: path curvature as a share of the tightest turn, > 0 left; with `speed` also the wanted
-    speed, from 0 to `speed_kmh`. Observation, float32, shape (8,), what control may see: the detected edge
-    beside the header end, and odometry, as `OBSERVED` names them; 0 where no edge is found (confidence 0).
-    With `picture` or `scan` a dict of these `values` and of the newest `picture` of the machine's first
-    camera, sRGB uint8, (height, width, 3), black before there is one, or the newest `scan` of its first
-    LiDAR, ranges [m], (beams,), 0 = no echo.
+    speed, from 0 to `speed_kmh`, with `settings` these, 0 as the machine has them for its crop. Observation,
+    float32, shape (8,), what control may see: the detected edge beside the header end, and odometry, as
+    `OBSERVED` names them; 0 where no edge is found (confidence 0); with `settings` (15,), the sensors on the
+    crop's way, too, as `OF_CROP` names them. With `picture` or `scan` a dict of these `values` and of the
+    newest `picture` of the machine's first camera, sRGB uint8, (height, width, 3), black before there is one,
+    or the newest `scan` of its first LiDAR, ranges [m], (beams,), 0 = no echo.
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
     limit under `expect`, how far it is broken at the end: the excess relative to the bound, at most
@@ -44,10 +45,16 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         Name of the machine that is driven, by default the first.
     period_s : float
         Time between two actions [s].
+    steer : bool
+        Whether the policy steers; else as in the scenario.
     speed : bool
         Whether the action has the speed, too.
     speed_kmh : float
         Greatest speed of an action [km/h].
+    settings : sequence of str
+        Settings of the organs that the action has, too: keys of `settings: fixed`, such as `drum_rpm`.
+    settings_percent : float
+        Greatest change of a setting by an action, of the machine's own for its crop [%].
     limits_s : float
         Time after which limits are judged again [s]; those of the field are judged at the end.
     code : bool
@@ -74,8 +81,11 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         sets: Sets = (),
         machine: str | None = None,
         period_s: float = 0.1,
+        steer: bool = True,
         speed: bool = False,
         speed_kmh: float = 10.0,
+        settings: Sequence[str] = (),
+        settings_percent: float = 40.0,
         limits_s: float = 1.0,
         code: bool = False,
         picture: bool = False,
@@ -87,8 +97,9 @@ class Env(gymnasium.Env):  # type: ignore[misc]
         known_words(Env, unknown)
         self._one = VectorEnv(
             scenario, autoreset_mode="Disabled", render_mode=render_mode, sets=sets, machine=machine,
-            period_s=period_s, speed=speed, speed_kmh=speed_kmh, limits_s=limits_s, code=code,
-            picture=picture, scan=scan, seeds=seeds,
+            period_s=period_s, steer=steer, speed=speed, speed_kmh=speed_kmh, settings=settings,
+            settings_percent=settings_percent, limits_s=limits_s, code=code, picture=picture, scan=scan,
+            seeds=seeds,
         )  # fmt: skip
         self._one.most_kept = min(self._one.most_kept, KEPT)
         self.task, self.render_mode = self._one.task, render_mode

@@ -9,7 +9,7 @@ import numpy as np
 
 from swath.core.errors import InputError, MissingExtra
 from swath.core.schedule import NS
-from swath.driving_task import Driven, Score, Task, known_words, scan_of
+from swath.driving_task import OF_CROP, Driven, Score, Task, known_words, scan_of
 from swath.runtime.worlds import Worlds, groups_in_step
 
 try:
@@ -283,7 +283,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         newest = cohort.worlds.lockstep.newest
         samples = (newest((f"{task.machine}.{name}", name)) for name in ("edge", "odometry"))
         edge, odometry = (None if sent is None else sent.all for sent in samples)
-        seen["values"][members] = task.values_of(edge, odometry, cohort.wanted)[which]
+        outputs = [output for _, output, *_ in OF_CROP] if task.flow else []
+        readings = [newest((f"{task.machine}.{task.flow}", output)) for output in outputs]
+        crop = [None if sent is None else sent.all for sent in readings]
+        seen["values"][members] = task.values_of(edge, odometry, cohort.wanted, crop)[which]
         if task.lidar and (scan := newest((task.lidar, "scan"))) is not None:
             seen["scan"][members] = scan_of(scan.all.arrays["ranges"][which])
         if task.camera:
