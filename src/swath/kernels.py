@@ -152,6 +152,17 @@ def launch_on(kernel: Any, numbers: Any) -> Callable[[], Any]:
     return repeatable(kernel, [wp.array(numbers, dtype=wp.float64, device="cpu", copy=False)]).launch
 
 
+Numbered = tuple[Any, Any, Callable[[], Any]]
+
+
+def numbered(kernel: Any, wholes: int, reals: int) -> Numbered:
+    """Integers and float64 numbers of a kernel that takes an array of each, and its launch."""
+    wp = start_warp()
+    whole, real = np.zeros(wholes, np.int64), np.zeros(reals)
+    shared = [wp.array(a, device="cpu", copy=False) for a in (whole, real)]
+    return whole, real, repeatable(kernel, shared).launch
+
+
 class Repeated:
     """A recorded launch of Warp whose arguments are laid out once, not at every launch."""
 

@@ -5,8 +5,8 @@ from math import exp, pi, sqrt
 import numpy as np
 import pytest
 
-from swath.field.plume import Grains, Puffs, extinction_at, fall_speed
-from swath.sensing.haze import Haze, haze_along
+from swath.field.plume import Grains, Puffs, fall_speed
+from swath.sensing.haze import Haze, extinction_at, haze_along
 
 FINE = Grains(1.0, 1e-9, 1000.0, 300.0)  # does not fall; 0.3 m2/g
 
@@ -19,6 +19,15 @@ class Site:
 
     def ground_height(self, x, y):
         return 0.0 * np.asarray(x)
+
+
+def summed(puffs, points):
+    """Extinction [1/m] by packed puffs (n, 6) at points x, y and height above the ground (m, 3)."""
+    away = points[:, None, :2] - puffs[None, :, :2]
+    flat = (away * away).sum(axis=2) * puffs[:, 3]
+    up, down = points[:, None, 2] - puffs[:, 2], points[:, None, 2] + puffs[:, 2]
+    parts = np.exp(-flat - up * up * puffs[:, 4]) + np.exp(-flat - down * down * puffs[:, 4])
+    return (parts * puffs[:, 5]).sum(axis=1)
 
 
 def blown(rate, wind, every, stability="C", length=400.0):
@@ -61,10 +70,55 @@ def test_light_across_a_plume_is_dimmed_as_far_away_by_the_gaussian_one(every):
             Site(puffs), np.array([[x, -100.0, z]]), np.array([[0.0, 1.0, 0.0]]), 0.0, 200.0, 0.75
         )
         assert haze.depths[0, -1] == pytest.approx(depth, rel=0.01)
-        summed = extinction_at(
-            puffs.packed(), np.column_stack(np.broadcast_arrays(x, np.arange(-100, 100, 0.1), z))
-        )
-        assert haze.depths[0, -1] == pytest.approx(0.1 * summed.sum(), rel=0.02)
+        points = np.column_stack(np.broadcast_arrays(x, np.arange(-100, 100, 0.1), z))
+        assert haze.depths[0, -1] == pytest.approx(0.1 * summed(puffs.packed(), points).sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_beams_meet_the_sum_of_all_puffs_everywhere_on_and_over_the_ground(seed):
+    draw = np.random.default_rng(seed)
+    puffs = Puffs(draw.choice(list("ABCDEF")), start=draw.uniform(0.2, 3.0))
+    for _ in range(30):
+        puffs.emit((*draw.uniform(-15.0, 15.0, 2), draw.uniform(0.0, 3.0)), draw.uniform(0.0, 0.05))
+        puffs.drift(draw.uniform(0.0, 2.0), draw.normal(0.0, 3.0, 2))
+    origins = np.column_stack([draw.uniform(-20.0, 20.0, (40, 2)), draw.uniform(0.0, 5.0, 40)])
+    ways = draw.normal(size=(40, 3))
+    ways[:2] = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    step, packed = 0.75, puffs.merged()
+    reach = np.append(40.0, draw.uniform(6.0, 40.0, 39))
+    haze = haze_along(Site(puffs), origins, ways, 0.01, reach, step)
+    points = origins[:, None] + step * (np.arange(haze.local.shape[1]) + 0.5)[None, :, None] * ways[:, None]
+    points[..., 2] = np.maximum(points[..., 2], 0.0)
+    peer = summed(packed, points.reshape(-1, 3)).reshape(haze.local.shape)
+    is_before = step * np.arange(haze.local.shape[1]) < reach[:, None]
+    assert (haze.local[~is_before] == 0.0).all()
+    np.testing.assert_allclose(
+        haze.local, np.where(is_before, peer + 0.01, 0.0), rtol=1e-5, atol=3e-9 * len(packed)
+    )
+    np.testing.assert_allclose(haze.depths, np.cumsum(haze.local, axis=1) * step, rtol=1e-12)
+    np.testing.assert_allclose(extinction_at(packed, points[0]), peer[0], rtol=1e-5, atol=3e-9 * len(packed))
+    place, albedo = haze.echo(5.0, 20.0)
+    middles = step * (np.arange(haze.local.shape[1]) + 0.5)
+    back = pi * step / 20.0 * haze.local * np.exp(-2.0 * (haze.depths - 0.5 * step * haze.local))
+    best = np.where(middles >= 5.0, back / middles**2, 0.0).argmax(axis=1)
+    np.testing.assert_array_equal(place, middles[best])
+    np.testing.assert_allclose(albedo, back[np.arange(40), best], rtol=1e-12)
+
+
+@pytest.mark.parametrize("start", [0.2, 1.0, 2.5])
+def test_merged_puffs_take_from_light_what_all_of_them_take(start):
+    draw = np.random.default_rng(5)
+    puffs = Puffs("B", start=start)
+    for _ in range(40):
+        puffs.emit((0.0, 0.0, draw.uniform(0.2, 1.5)), 0.02)
+        puffs.drift(1.0, (3.0, 0.5))
+    packed, merged = puffs.packed(), puffs.merged()
+    assert len(merged) < 0.6 * len(packed)
+    along = np.arange(0.0, 120.0, 0.5)
+    for y, z in draw.uniform([-10.0, 0.0], [20.0, 4.0], (10, 2)):
+        points = np.column_stack(np.broadcast_arrays(along, y, z))
+        assert summed(merged, points).sum() == pytest.approx(summed(packed, points).sum(), rel=5e-3)
 
 
 def test_dust_falls_as_stokes_and_schiller_naumann_say():

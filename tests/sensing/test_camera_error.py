@@ -13,7 +13,7 @@ from swath.field.light import light as clear_light
 from swath.field.maps.projection import Origin
 from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Organ, Solids
-from swath.field.plume import Puffs, extinction_at
+from swath.field.plume import Puffs
 from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solid.obstacles import SheetObstacle, things_of
 from swath.field.solid.solids import mesh
@@ -25,6 +25,7 @@ from swath.sensing.echo import Weather
 from swath.sensing.mount import Mount
 from swath.signals import OBSTACLE_KINDS, MachineState
 from tests.field.made_field import made_field
+from tests.field.test_plume import summed
 from tests.field.test_solids import MACHINE
 
 SPEED, EXPOSURE = 2.0, 10e-3
@@ -229,7 +230,7 @@ def test_dust_of_a_machine_dims_each_pixel_by_what_lies_before_it():
         way = ways[row, column]
         length = min((12.0 - made.optical.position[1]) / way[1], 1.5 / max(-way[2], 1e-9))
         places = made.optical.position + np.arange(0.005, length, 0.01)[:, None] * way
-        left = np.exp(-0.01 * extinction_at(puffs.packed(), places).sum())
+        left = np.exp(-0.01 * summed(puffs.packed(), places).sum())
         assert left < 0.8
         wanted = left * before[row, column] + (1 - left) * day.sky_at(way * [1, 1, 0])
         np.testing.assert_allclose(after[row, column], np.minimum(wanted, 1.0), rtol=0.03, atol=4e-3)

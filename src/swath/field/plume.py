@@ -36,6 +36,7 @@ BRIGGS: dict[Stability, tuple[float, float, float, float]] = {
 }
 CALM = 0.5  # puffs grow as in a wind of at least this speed [m/s]
 THIN, FAR = 1e-6, 600.0  # a puff is gone whose middle has less extinction [1/m], or that went further [m]
+CLOSE = 0.3  # puffs whose heights scatter by less of their spread are merged
 AIR_VISCOSITY, AIR_DENSITY, GRAVITY = 1.81e-5, 1.204, 9.80665  # of air at 20 C [Pa s, kg/m3], [m/s2]
 
 
@@ -114,11 +115,22 @@ class Puffs(KeepsState):
         shape = [0.5 / (across * across), 0.5 / (high * high), middle]
         return np.column_stack([self.rows[:, :3], *shape])
 
-
-def extinction_at(puffs: Array, points: Array) -> Array:
-    """Extinction [1/m] by packed puffs (n, 6) at points x, y and height above the ground (m, 3), (m,)."""
-    away = points[:, None, :2] - puffs[None, :, :2]
-    flat = (away * away).sum(axis=2) * puffs[:, 3]
-    up, down = points[:, None, 2] - puffs[:, 2], points[:, None, 2] + puffs[:, 2]
-    parts = portable.exp(-flat - up * up * puffs[:, 4]) + portable.exp(-flat - down * down * puffs[:, 4])
-    return np.asarray((parts * puffs[:, 5]).sum(axis=1))
+    def merged(self) -> Array:
+        """As `packed`, where puffs that left together and still float at about one height are one, with the
+        mean and the variance of their heights.
+        """
+        packed = self.packed()
+        if len(packed) == 0:
+            return packed
+        apart = (np.diff(self.rows[:, [0, 1, 3]], axis=0) != 0.0).any(axis=1)
+        first = np.flatnonzero(np.append(True, apart))
+        group = np.repeat(np.arange(len(first)), np.diff(np.append(first, len(packed))))
+        weight = np.add.reduceat(packed[:, 5], first)
+        mean = np.add.reduceat(packed[:, 5] * packed[:, 2], first) / weight
+        variance = np.add.reduceat(packed[:, 5] * (packed[:, 2] - mean[group]) ** 2, first) / weight
+        one = packed[first]
+        spread = 0.5 / one[:, 4]
+        is_close = variance <= CLOSE**2 * spread
+        one[:, 2], one[:, 4] = mean, 0.5 / (spread + variance)
+        one[:, 5] = weight * np.sqrt(spread / (spread + variance))
+        return np.concatenate([one[is_close], packed[~is_close[group]]])

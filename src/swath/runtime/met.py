@@ -19,11 +19,11 @@ from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
 from swath.field.light import light
-from swath.field.plume import extinction_at
 from swath.field.weather import GREEN, extinction
 from swath.machine.on_soil import DEFAULT_KPA
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
+from swath.sensing.haze import extinction_at
 from swath.sensing.scanner import ScanningLidar
 from swath.signals import MachineState
 

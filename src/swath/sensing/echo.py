@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.field.weather import RainLaw, SiteWeather, fog_extinction, rain_extinction
-from swath.kernels import address, repeatable, start_warp
+from swath.kernels import Numbered, address, numbered, repeatable, start_warp
 from swath.rays.hits import Spots
 from swath.sensing.haze import Haze
 from swath.signals import F64
@@ -326,13 +326,10 @@ class _Launches(threading.local):
     """The compiled kernels, each with the arrays that it reads its numbers from; every thread has its own."""
 
     @cached_property
-    def receive(self) -> tuple[NDArray[np.int64], F64, Callable[[], Any]]:
+    def receive(self) -> Numbered:
         from swath.sensing.native.receive_kernel import receive
 
-        wp = start_warp()
-        whole, real = np.zeros(14, np.int64), np.zeros(4)
-        shared = [wp.array(a, device="cpu", copy=False) for a in (whole, real)]
-        return whole, real, repeatable(receive, shared).launch
+        return numbered(receive, 14, 4)
 
     @cached_property
     def place(self) -> tuple[NDArray[np.int64], Callable[[], Any]]:

@@ -9,7 +9,9 @@ them sends back, relative to a white target that fills the spot (the soft target
 with S the lidar ratio of `ScannerWeather`.
 """
 
+import threading
 from dataclasses import dataclass
+from functools import cached_property
 from math import pi
 
 import numpy as np
@@ -17,9 +19,10 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.field.field import Field
-from swath.kernels import start_warp
+from swath.kernels import Numbered, address, numbered
 from swath.signals import F64
 
+NOTHING = 1e-9  # a puff that has less extinction there adds nothing [1/m]
 NEAR = 6.5  # puffs are looked for so many of their standard deviations beyond the reach
 
 
@@ -47,37 +50,77 @@ class Haze:
 
     def echo(self, nearest: float, lidar_ratio: float) -> tuple[F64, F64]:
         """Place of the strongest echo of the air from `nearest` [m] on, and its albedo, (n,) each."""
-        middles = self.step * (np.arange(self.depths.shape[1]) + 0.5)
-        depth = self.depths - 0.5 * self.step * self.local
-        albedo = pi * self.step / lidar_ratio * self.local * portable.exp(-2.0 * depth)
-        energy = np.where(middles >= nearest, albedo, 0.0) / middles**2
-        best = energy.argmax(axis=1)
-        rows = np.arange(len(best))
-        return middles[best], np.where(energy[rows, best] > 0.0, albedo[rows, best], 0.0)
+        best, energy = np.empty(len(self.depths), np.int64), np.empty(len(self.depths))
+        whole, real, launch = _LAUNCHES.echo
+        whole[:] = *map(address, (self.depths, self.local, best, energy)), *self.depths.shape
+        real[:] = self.step, nearest
+        launch()
+        place: F64 = np.asarray(self.step * (best + 0.5))
+        albedo: F64 = np.asarray(pi * self.step / lidar_ratio * energy * place**2)
+        return place, albedo
 
 
 def haze_along(
-    field: Field, origins: F64, directions: F64, uniform: float, reach: float, step: float
+    field: Field, origins: F64, directions: F64, uniform: float, reach: float | F64, step: float
 ) -> Haze:
     """The air along beams.
 
-    origins, directions: world (n, 3); uniform: extinction everywhere [1/m]; reach: how far to look [m]
+    origins, directions: world (n, 3); uniform: extinction everywhere [1/m]; reach: where each ends,
+    nothing is beyond [m]
     """
-    wp = start_warp()
-    from swath.sensing.native.dust_kernel import through_dust
-
-    count = max(int(np.ceil(reach / step)), 1)
-    place = origins.mean(axis=0)
+    reach = np.broadcast_to(np.asarray(reach, np.float64), len(origins))
+    place, most = origins.mean(axis=0), float(reach.max(initial=step))
     ground = float(field.ground_height(place[0], place[1]))
-    puffs = np.concatenate([np.zeros((0, 6)), *(puffs.packed() for puffs in field.plumes.values())])
+    puffs = np.concatenate([np.zeros((0, 6)), *(puffs.merged() for puffs in field.plumes.values())])
     away = np.hypot(puffs[:, 0] - place[0], puffs[:, 1] - place[1])
-    puffs = puffs[away < reach + NEAR / np.sqrt(2.0 * puffs[:, 3])]
+    puffs = puffs[away < most + NEAR / np.sqrt(2.0 * puffs[:, 3])]
+    return _through(puffs, origins, directions, uniform, ground, reach, int(np.ceil(most / step)), step)
+
+
+def extinction_at(puffs: F64, points: F64) -> F64:
+    """Extinction [1/m] by packed puffs (n, 6) at points x, y and height above the ground (m, 3), (m,)."""
+    reach = np.ones(len(points))
+    return _through(puffs, points, np.zeros_like(points), 0.0, 0.0, reach, 1, 1.0).local[:, 0]
+
+
+def _through(
+    puffs: F64,
+    origins: F64,
+    directions: F64,
+    uniform: float,
+    ground: float,
+    reach: F64,
+    count: int,
+    step: float,
+) -> Haze:
     depths, local = np.empty((len(origins), count)), np.empty((len(origins), count))
+    puffs = np.column_stack([puffs, portable.log(puffs[:, 5] / NOTHING)])
     arrays = [
-        wp.array(np.ascontiguousarray(a), dtype=wp.vec3d, device="cpu", copy=False)
-        for a in (origins, directions)
+        *(np.ascontiguousarray(a, np.float64) for a in (origins, directions, puffs, reach)),
+        depths,
+        local,
     ]
-    dust, *found = (wp.array(a, dtype=wp.float64, device="cpu", copy=False) for a in (puffs, depths, local))
-    inputs = [*arrays, dust, uniform, ground, step, *found]
-    wp.launch(through_dust, dim=len(origins), inputs=inputs, device="cpu")
+    whole, real, launch = _LAUNCHES.dust
+    whole[:] = *map(address, arrays), *depths.shape, len(puffs)
+    real[:] = uniform, ground, step
+    launch()
     return Haze(step, depths, local)
+
+
+class _Launches(threading.local):
+    """The compiled kernels, each with the arrays that it reads its numbers from; every thread has its own."""
+
+    @cached_property
+    def dust(self) -> Numbered:
+        from swath.sensing.native.dust_kernel import through_dust
+
+        return numbered(through_dust, 9, 3)
+
+    @cached_property
+    def echo(self) -> Numbered:
+        from swath.sensing.native.dust_kernel import air_echoes
+
+        return numbered(air_echoes, 6, 2)
+
+
+_LAUNCHES = _Launches()

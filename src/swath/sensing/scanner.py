@@ -341,17 +341,19 @@ class ScanningLidar(KeepsState, ABC):
         own = given.weather if isinstance(given, OutdoorParams) else ScannerWeather()
         return own.under(self.setup.field.weather, t, self.sheet.wavelength)
 
-    def air(self, t: int, origins: F64, directions: F64) -> AirBefore | None:
+    def air(self, t: int, origins: F64, directions: F64, met: F64) -> AirBefore | None:
         """What is between it and what its beams meet in the sweep that ends at t [ns], None = nothing.
 
         origins, directions: world (beam_count, 3)
+        met: distances of what the sub-rays meet [m], (beam_count, s), nan = nothing
         """
         weather, field, haze = self.weather_at(t), self.setup.field, None
         reach, uniform = self.scanner.reach, weather.extinction_per_m or 0.0
         dusty = any(len(puffs.rows) for puffs in field.plumes.values())
         if field.weather is not None and (dusty or uniform > 0.0):
             step = merging_gap(self.sheet.pulse)
-            haze = haze_along(field, origins, directions, uniform, reach, step)
+            far = np.where(np.isnan(met), reach, met).max(axis=1)
+            haze = haze_along(field, origins, directions, uniform, far, step)
         false = self.scanner.false_per_m
         window, glass = self.scanner.window, None
         if window is not None:

@@ -19,7 +19,8 @@ from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.core.units import GRAM, PERCENT
 from swath.field.field import Field
-from swath.field.plume import PLANT, extinction_at, fall_speed
+from swath.field.plume import PLANT, fall_speed
+from swath.sensing.haze import extinction_at
 from swath.signals import F64
 
 HOUR = 3600.0  # [s]

@@ -101,6 +101,6 @@ LEVEL = Level(
     Plume,
     Params,
     "puffs from header, chopper and wheels that drift, grow and settle",
-    cost="0.1 ms per step with 200 puffs; a scan of 381 beams 40 ms more, a picture 0.2 s",
+    cost="0.1 ms per step with 200 puffs; a scan of 381 beams 1 ms more, a picture 50 ms",
     tolerance="far away within 1 % of Briggs' plume and 2 % of its optical depth, tests/field/test_plume.py",
 )

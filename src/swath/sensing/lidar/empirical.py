@@ -199,7 +199,8 @@ class EmpiricalLidar(TableLidar):
         self.ray_count += len(origins)
         self.note(clamped)
         beams, count = self.rays.beams, len(origins)
-        air = self.air(t, beams.origins[:count], beams.directions[:count])
+        met = np.where(beams.kind[:count] > 0, beams.distance[:count], np.nan)[:, None]
+        air = self.air(t, beams.origins[:count], beams.directions[:count], met)
         if air is not None:
             self.rays.disturb(air)
         return self.rays.report(t, origins)

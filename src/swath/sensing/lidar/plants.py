@@ -92,7 +92,7 @@ class PlantsLidar(ScanningLidar):
             wet = darkened(reflectance, film)
             reflectance = np.where(hits.organ == Organ.SOLID, reflectance, wet)
         albedo = (reflectance * hits.cosine).astype(np.float64)
-        air = self.air(t, origins, axes[:, :, 0])
+        air = self.air(t, origins, axes[:, :, 0], distance)
         if air is not None:
             distance, albedo = air.between(Bundle(distance, pattern.weight, albedo), self.receiver)
         echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
