@@ -23,6 +23,9 @@ from swath.field.edges.edge import (
 from swath.field.edges.track import EdgeShape, curve, polyline, shifted_left, straight
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import STANDING
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_unrecorded
+from swath.scenario.scenario import load_scenario
 from tests.field.made_field import SETUP, made_field, rectangle
 
 WINDING = [[0.0, 0.0], [40.0, 5.0], [60.0, 40.0], [55.0, 70.0], [90.0, 90.0], [140.0, 85.0]]
@@ -246,3 +249,20 @@ def test_shapes_that_cannot_be_are_refused():
         Region([[0.0, 0.0], [1.0, 1.0]])
     with pytest.raises(InputError, match="1 m2"):
         Region([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slanted_headland_is_driven_into(seed):
+    """The knife, 12 m wide, starts half in the field: what it cuts is the way less a triangle."""
+    rise, way = float(np.random.default_rng(seed).choice([-1.0, 1.0])) * (0.3 + 0.2 * seed), 14.0
+    first = -0.5 if rise > 0.0 else -0.5 - 12.0 * rise  # where the field begins along the edge [m]
+    ends = [(-99.0, first - 99.0 * rise), (99.0, first + 99.0 * rise), (99.0, 300.0), (-99.0, 300.0)]
+    boundary = f"field.boundary={{points_m: {[list(p) for p in ends]}}}"
+    sets = ["combine.lidar=off", "combine.edge=truth", f"run.distance_m={way}", boundary]
+    summary = run_unrecorded(load_scenario("straight", sets=sets))
+    x = np.linspace(0.0, 12.0, 4001)
+    left_out = np.trapezoid(np.maximum(first + rise * x, 0.0), x)
+    assert summary["area_cut_m2"] == pytest.approx(12.0 * way - left_out, abs=2.0)
+    short = boundary.replace("300.0", "9.0")
+    with pytest.raises(InputError, match="a field that covers the run, it ends after"):
+        assemble(load_scenario("straight", sets=[*sets[:3], short]))

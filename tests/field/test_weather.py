@@ -96,9 +96,15 @@ def test_a_file_gives_the_weather_between_its_hours(tmp_path):
     assert air.wind == pytest.approx((0.0, 2.0 * cos(np.radians(10.0))))  # north between 350 and 10 deg
     assert weather.at(9 * HOUR).rain == 6.0
     assert weather.may_be_dim
+    assert weather.beyond(HOUR) == []
+    for said in (weather.beyond(2 * HOUR), weather.beyond()):
+        assert said == ["field.weather: beyond the hours of its file, 12 to 14, its nearest row is taken"]
     for text, expected in (
-        ("hour,rain_mm_h\n12,-1", "rain_mm_h = -1"),
-        ("hour,rain_mm_h\n12,", "rain_mm_h: expected a number"),
+        ("hour,rain_mm_h\n12,0\n14,-1", r"rain_mm_h = -1.0: expected >= 0 \(.*:3\)"),
+        ("hour,wind_m_s\n12,3\n14,1e9", r"wind_m_s = 1000000000.0: expected <= 30 \(.*:3\)"),
+        ("hour,rain_mm_h\n12,", r"rain_mm_h = nan: expected a finite number \(.*:2\)"),
+        ("hour,rain_mm_h\n12,0\n25,0", r"hour = 25.0: expected an hour of the day, 0 to 24 \(.*:3\)"),
+        ("hour,sun_elevation_deg\n12,40\n15,30", "sun_azimuth_deg: expected both angles of the sun"),
         ("hour,rain\n12,1", r"rain: unknown column, did you mean 'rain_mm_h'.*:1\)"),
         ("hour,rain_mm_h\n12,1\n11,1", r"hour = 11.*rise \(.*:3\)"),
         ("hour,rain_mm_h\n3,1\n4,1", "time = .* within the hours of the file, 3 to 4"),
@@ -121,6 +127,11 @@ def test_wind_blows_where_its_azimuth_points():
     ("text", "expected"),
     [
         ("{time: yesterday}", "expected a time with its zone"),
+        ("{time: '2026-02-30T12:00+01:00'}", "time = 2026-02-30.*: expected a time with its zone"),
+        ("{time: '9999-12-31T12:00+01:00'}", "1900 to 2100"),
+        ("{rain_mm_h: -1}", "weather.rain_mm_h = -1: expected >= 0"),
+        ("{rain_mm_h: .nan}", "weather.rain_mm_h = .nan: expected a finite number"),
+        ("{wind_azimuth_deg: 361}", "weather.wind_azimuth_deg = 361: expected <= 360"),
         ("{time: '2026-07-25T13:34'}", "expected a time with its zone"),
         ("{time: '2026-07-25T13:34+02:00'}", "expected a field that lies on Earth"),
         ("{sun_azimuth_deg: 10}", "expected both angles of the sun"),

@@ -8,25 +8,29 @@ import pytest
 
 pytest.importorskip("openodd", reason="needs the extra `odd`")
 
+from swath.documents.yaml_document import dump, read_document
 from swath.tools.function_test.case import Claim
 from swath.tools.function_test.odd.binding import BUNDLED, Odd, read_odd
 from swath.tools.function_test.odd.causes import Cause, causes_of
 
-SPEED, DENSITY, LEAN = "process.speed", "process.density", "process.lean"
+NEEDED = SPEED, DENSITY, LEAN = "process.speed", "process.density", "process.lean"
 CLAIM = Claim(pass_rate=0.8, confidence=0.95)
-BUCKETS = "[60, 140, 220, 350, 500, 560, 630, 700]"  # in that of 150 the bands pass 73 % and 87 %
+BUCKETS = [60, 140, 220, 350, 500, 560, 630, 700]  # in that of 150 the bands pass 73 % and 87 %
 
 
 @pytest.fixture(scope="module")
 def odd(tmp_path_factory: pytest.TempPathFactory) -> Odd:
-    """The bundled one with 20 attributes, the density in other buckets."""
+    """The bundled one with 20 attributes, however many it has, the density in other buckets."""
     folder, name = tmp_path_factory.mktemp("odd"), "wheat-harvest.openodd.yaml"
     (folder / name).write_text((BUNDLED / name).read_text())
-    binding = (BUNDLED / "wheat-harvest.odd.yaml").read_text()
-    before = "buckets: [60, 150, 300, 500, 700], exposure: [1, 3, 5, 3]"
-    assert before in binding
+    binding = read_document(BUNDLED / "wheat-harvest.odd.yaml").data
+    drawn = [n for n, of in binding["attributes"].items() if n not in NEEDED and {"key", "values"} & {*of}]
+    for left_out in drawn[20 - len(NEEDED) :]:
+        binding["attributes"][left_out] = {"not_simulated": "not of the 20"}
+    del binding["attributes"][DENSITY]["exposure"]
+    binding["attributes"][DENSITY]["buckets"] = BUCKETS
     file = folder / "wheat-harvest.odd.yaml"
-    file.write_text(binding.replace(before, f"buckets: {BUCKETS}"))
+    file.write_text(dump(binding))
     return read_odd(file)
 
 

@@ -36,7 +36,7 @@ from swath.field.plume import Puffs
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.weather import SiteWeather
-from swath.field.wetness import by_weather, film_share
+from swath.field.wetness import BY_WEATHER, by_weather, film_share
 from swath.field.wind import Sway, make_sway
 
 Array = NDArray[np.float64]
@@ -86,6 +86,7 @@ class Field:
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         said: Moisture = getattr(stand, "moisture", Moisture())
+        self._by_weather = said.straw_moisture_percent == BY_WEATHER
         self.moisture = by_weather(said, weather, crop_height)
         self.weather = weather
         self.plumes: dict[str, Puffs] = {}  # by machine
@@ -113,6 +114,8 @@ class Field:
         """What was assumed of the maps that it is made of, and of its edges."""
         parts = {"field.terrain": self.terrain, "field.stand": self.stand}
         said = [f"{key}: {n}" for key, p in parts.items() if isinstance(p, HasNotes) for n in p.notes]
+        if self.weather is not None and self._by_weather:
+            said += self.weather.beyond()
         return [*said, *self._moved]
 
     def film(self, t: int) -> float:

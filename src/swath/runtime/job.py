@@ -385,6 +385,8 @@ class Running:
             notes.append(f"{what}, after {driven:.2f} of {run.distance_m:g} m")
         if world.graph.ended:
             notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
+        if (weather := world.field.weather) is not None:
+            notes += [said for said in weather.beyond(world.graph.t) if said not in notes]
         if self.pacer is not None:
             summary["realtime"] = self.pacer.report()
             notes += self.pacer.notes
