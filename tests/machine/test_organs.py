@@ -7,16 +7,72 @@ from hypothesis import strategies as st
 
 from swath.core.component import Port
 from swath.core.errors import SwathError
+from swath.core.foreign_code import allow_code
 from swath.core.schedule import NS
-from swath.machine.organ import added, linked_cleaning
+from swath.machine.organ import (
+    SHARED,
+    added,
+    linked_cleaning,
+    linked_feeder,
+    linked_returns,
+    linked_separation,
+    linked_threshing,
+)
+from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.machine_types import ORGANS
+from swath.scenario.scenario import parse_scenario
 from swath.scenario.slots import CATALOGUE
-from swath.signals import CropStream, MachineLoad
+from swath.signals import CropFlow, CropStream, MachineLoad
 from swath.signals.flat import flat_fields, read
+from tests.link.fmu_scenario import TEXT
 from tests.machine.machine_fakes import STREAM, site
 from tests.machine.process_rig import GRAIN, STRAW, Rig, Row, flow, state
 
-mixtures = st.fixed_dictionaries({n: st.sampled_from(CATALOGUE.registry.names(n)) for n in ORGANS})
+STREAMS = {
+    "feeder": (("flow",), ("fed",)),
+    "threshing": (("fed", "back"), ("over", "through")),
+    "separation": (("fed",), ("over", "through")),
+    "cleaning": (("pan", "more"), ("clean", "returned", "over")),
+    "returns": (("fed",), ("back",)),
+}
+shares = st.lists(st.floats(0.0, 0.33), min_size=3, max_size=3)
+mixtures = st.fixed_dictionaries(
+    {n: st.one_of(st.sampled_from(CATALOGUE.registry.names(n)), shares) for n in ORGANS}
+)
+
+
+class Somebodys:
+    """Sends a share of what comes to each output, and says nothing of what it keeps."""
+
+    def __init__(self, slot, shares):
+        feeds, streams = STREAMS[slot]
+        kind = CropFlow if slot == "feeder" else CropStream
+        self.inputs = tuple(Port(name, kind, history=True) for name in feeds)
+        self.outputs = tuple(Port(name, CropStream) for name in streams)
+        self.shares = dict(zip(streams, shares, strict=False))
+
+    def reset(self, stream):
+        return {port.name: CropStream(0) for port in self.outputs}
+
+    def step(self, t, dt, inputs):
+        came = [sample for port in self.inputs for sample in inputs[port.name]]
+        sums = {n: sum(getattr(s, n) for s in came if hasattr(s, n)) for n in SHARED}
+        sums["unthreshed"] += sum(s.grain for s in came if isinstance(s, CropFlow))
+        return {
+            name: CropStream(t + dt, **{n: share * mass for n, mass in sums.items()}, dt=dt / NS)
+            for name, share in self.shares.items()
+        }
+
+
+def made(levels):
+    """Organs of the drawn levels; of shares somebody's part, as it stands in a scenario."""
+    links = {"feeder": linked_feeder, "threshing": linked_threshing, "separation": linked_separation,
+             "cleaning": linked_cleaning, "returns": linked_returns}  # fmt: skip
+    return {
+        slot: level if isinstance(level, str) else links[slot](Somebodys(slot, level), site())
+        for slot, level in levels.items()
+    }
 
 
 def beat(x):
@@ -47,7 +103,7 @@ def test_organs_are_what_the_one_part_is():
 )
 @settings(max_examples=30, deadline=None)
 def test_any_mixture_keeps_every_kilogram(levels, course, dt):
-    row = Row(site(period=dt), levels)
+    row = Row(site(period=dt), made(levels))
     row.reset(STREAM)
     h, fed = round(dt * NS), np.zeros(2)
     for k, (grain, straw) in enumerate(course * 4):
@@ -111,3 +167,32 @@ def test_a_row_goes_on_exactly_from_what_it_saved():
 def test_organs_of_another_rate_are_refused():
     with pytest.raises(SwathError, match="one rate_hz of all organs"):
         added(())
+
+
+def test_somebodys_file_is_booked_in_a_run(tmp_path):
+    """A class of a user's file in a slot of a scenario needs no output `work`."""
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "from tests.machine.test_organs import Somebodys\n"
+        "class Mine(Somebodys):\n"
+        "    def __init__(self, params, setup):\n"
+        "        super().__init__('cleaning', [0.9, 0.04, 0.05])\n"
+        "    def save(self):\n"
+        "        return {}\n"
+        "    def load(self, state):\n"
+        "        pass\n"
+    )
+    text = TEXT.replace("distance_m: 3, max_duration_s: 6", "distance_m: 30, max_duration_s: 14")
+    with allow_code(None):
+        organs = f"    process: organs\n    cleaning: {{level: '{file}:Mine'}}\n"
+        world, loads = assemble(parse_scenario(text + organs)), []
+    drive(
+        world,
+        [lambda slot, t, outputs: loads.extend(s for s in outputs.values() if isinstance(s, MachineLoad))],
+    )
+    world.close()
+    missing, last = world.field.recount(), loads[-1]
+    assert last.lost_grain > 0.0
+    grain = last.tank_gain + last.lost_grain + last.held_grain
+    assert grain == pytest.approx(missing.grain, rel=1e-12)
+    assert last.dropped_straw + last.held_straw == pytest.approx(missing.straw, rel=1e-12)

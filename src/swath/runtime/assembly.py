@@ -41,6 +41,7 @@ from swath.field.site_setup import TRAILER, Bodies, SiteSetup, why_outside
 from swath.field.solid.solids import machine_body, trailer_body
 from swath.machine.body.body import MachineBody, read_body
 from swath.machine.machine_sheet import MachineSheet, load_machine
+from swath.machine.organ import LinkedOrgan
 from swath.record.message_factory import OPTICAL_FRAME
 from swath.runtime.faults import displaced, make_fault
 from swath.runtime.field_setup import build_field
@@ -473,7 +474,9 @@ def _make(place: _Place, slot: str, choice: SlotChoice) -> Any:
     if absent:
         what = f"has no {', '.join(absent)}; expected a component as in examples/my_edge_detector.py"
         raise InputError(f"{name}.level", choice.level, what)
-    if choice.found.is_link and choice.kind.link_adapter:
+    is_own = type(component).__module__.startswith("swath.") and not choice.found.is_link
+    is_adapted = choice.found.is_link or choice.kind.name in ORGANS
+    if choice.kind.link_adapter and is_adapted and not is_own:
         module, _, adapter = choice.kind.link_adapter.partition(":")
         component = getattr(import_module(module), adapter)(component, _site_setup(place, 0.0))
     return component
@@ -542,7 +545,7 @@ def _guarded(
     name: str, choice: SlotChoice | None, component: Any, fault: FaultyOutput | None
 ) -> FaultyOutput | None:
     """The fault of a slot, before which the samples of a part that is not swath's own are checked."""
-    kind = type(component)
+    kind = type(component.part if isinstance(component, LinkedOrgan) else component)
     if kind.__module__.startswith("swath.") and (choice is None or not choice.found.is_link):
         return fault
     part = kind.__qualname__ if choice is None else choice.level
