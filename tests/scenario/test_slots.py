@@ -138,7 +138,9 @@ def test_what_is_an_estimate_has_a_band_to_draw_from():
             for key, of in estimates(params).items():
                 assert of.low <= getattr(params, key, of.low) <= of.high, (slot.name, name, key)
     with pytest.raises(InputError, match="one with a band"):
-        CATALOGUE.estimate_of("combine.threshing.blocks_at")
+        CATALOGUE.estimate_of("combine.threshing.threshability")
+    shoe = REGISTRY.get("cleaning", "model").params
+    assert estimates(shoe).keys() == shoe.__dataclass_fields__.keys()
 
 
 def test_a_case_draws_from_the_band():

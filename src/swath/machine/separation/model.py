@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.estimate import Estimate
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, MM, PERCENT, RPM
@@ -131,13 +132,13 @@ class Params(DrumParams):
 
     short_percent: of the straw that comes in, falls through as short straw at the manual's settings
     vane_power: steeper vanes carry the straw out sooner; short straw, breakage and power go with the time in
-        the rotor to this power, an estimate
+        the rotor to this power
     vane_deg_s: how fast the vanes are set
     """
 
-    short_percent: Annotated[float, Ge(0), Le(50)] = 2.0
-    vane_power: Power = 0.5
-    vane_deg_s: Annotated[float, Gt(0), Le(1e3)] = 1.0
+    short_percent: Annotated[float, Ge(0), Le(50), Estimate(1, 4)] = 2.0
+    vane_power: Annotated[Power, Estimate(0.25, 1)] = 0.5
+    vane_deg_s: Annotated[float, Gt(0), Le(1e3), Estimate(0.5, 2)] = 1.0
 
 
 @dataclass(frozen=True)

@@ -40,11 +40,11 @@ class Params:
 
     threshability: Annotated[float, Gt(0.1), Le(3)] = 1.0
     moisture_rate: Annotated[Number, Estimate(2, 4)] = 2.5
-    short_straw_speed: Number = 4.0
-    short_straw_clearance: Number = 1.0
+    short_straw_speed: Annotated[Number, Estimate(2, 8)] = 4.0
+    short_straw_clearance: Annotated[Number, Estimate(0.5, 2)] = 1.0
     crank_rad_s: Annotated[float, Gt(0), Le(100)] = 22.5
     crank_width_rad_s: Annotated[float, Gt(0), Le(100)] = 2.48
-    side_slope: Number = 0.6
+    side_slope: Annotated[Number, Estimate(0.4, 0.9)] = 0.6
 
 
 BEST = 22.5  # speed of a crank of 50 mm at a Froude number of 2.58 [rad/s]

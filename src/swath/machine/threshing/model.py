@@ -53,7 +53,7 @@ def coupled(ear: float, free: float, threshing: float, separation: float) -> tup
 class Params:
     """Drum and concave: how rates and breakage change with settings and moisture. v is the speed of the drum
     over that of the manual for the crop, c the manual's clearance over the one that is set, M the moisture.
-    What is not cited is an estimate.
+    What is not cited is an estimate, where nothing narrower is known within half to twice.
 
     threshability: factor on threshing and separation [1]; 1 = dry wheat
     threshing_speed: threshing goes with v to this power
@@ -66,7 +66,8 @@ class Params:
     short_speed: short straw on the shoe goes with v to this power
     short_clearance: and with c to this one
     ears_through_percent: share of the unthreshed grain that falls through the concave and so comes back
-    broken_percent: grain broken at the manual's settings; none = the crop's own (0.5 to 2 in wheat)
+    broken_percent: grain broken at the manual's settings; none = the crop's own
+    broken_factor: factor on it: the crops' own are known within half to twice
     broken_speed_m_s: change of the rim's speed in which breakage grows e-fold
     broken_clearance: breakage goes with c to this power
     broken_feed: and with 1 / feed to this one (a doubled feed broke 16 % less wheat, tehqeeqat 33395)
@@ -85,21 +86,22 @@ class Params:
     separation_speed: Annotated[Power, Estimate(0, 1)] = 0.5
     separation_clearance: Annotated[Power, Estimate(0, 0.6)] = 0.3
     moisture_rate: Annotated[float, Ge(0), Le(20), Estimate(2, 4)] = 2.5
-    short_straw_speed: Annotated[float, Ge(0), Le(50)] = 4.0
-    short_straw_clearance: Annotated[float, Ge(0), Le(50)] = 1.0
-    short_speed: Power = 1.5
-    short_clearance: Power = 0.3
-    ears_through_percent: Annotated[float, Ge(0), Le(100)] = 10.0
+    short_straw_speed: Annotated[float, Ge(0), Le(50), Estimate(2, 8)] = 4.0
+    short_straw_clearance: Annotated[float, Ge(0), Le(50), Estimate(0.5, 2)] = 1.0
+    short_speed: Annotated[Power, Estimate(0.75, 3)] = 1.5
+    short_clearance: Annotated[Power, Estimate(0.15, 0.6)] = 0.3
+    ears_through_percent: Annotated[float, Ge(0), Le(100), Estimate(5, 20)] = 10.0
     broken_percent: Annotated[float, Ge(0), Le(50)] | None = None
-    broken_speed_m_s: Annotated[float, Gt(0), Le(100)] = 5.0
-    broken_clearance: Power = 0.5
+    broken_factor: Annotated[float, Ge(0), Le(50), Estimate(0.5, 2)] = 1.0
+    broken_speed_m_s: Annotated[float, Gt(0), Le(100), Estimate(2.5, 10)] = 5.0
+    broken_clearance: Annotated[Power, Estimate(0.25, 1)] = 0.5
     broken_feed: Power = 0.25
     broken_moisture_percent: Annotated[float, Ge(0), Le(50)] = 24.0
-    broken_width_percent: Annotated[float, Gt(0), Le(50)] = 9.0
-    power_clearance: Power = 0.2
-    blocks_at: Annotated[float, Gt(0), Le(100)] = 2.5
-    speed_rpm_s: Annotated[float, Gt(0), Le(1e4)] = 20.0
-    opening_mm_s: Annotated[float, Gt(0), Le(1e3)] = 1.0
+    broken_width_percent: Annotated[float, Gt(0), Le(50), Estimate(4.5, 18)] = 9.0
+    power_clearance: Annotated[Power, Estimate(0.1, 0.4)] = 0.2
+    blocks_at: Annotated[float, Gt(0), Le(100), Estimate(1.5, 5)] = 2.5
+    speed_rpm_s: Annotated[float, Gt(0), Le(1e4), Estimate(10, 40)] = 20.0
+    opening_mm_s: Annotated[float, Gt(0), Le(1e3), Estimate(0.5, 2)] = 1.0
 
 
 def rate_factors(p: Params, v: float, c: float, moisture: float) -> tuple[float, float]:
@@ -128,7 +130,7 @@ class Drum(Organ):
         self._set = Setting(setup, drum=params.speed_rpm_s * RPM, concave=params.opening_mm_s * MM)
         self._rim = self._set.own["drum"] * setup.machine.works.radius
         own, crop_work = params.broken_percent, self._set.crop
-        self._broken = crop_work.broken if own is None else own * PERCENT
+        self._broken = params.broken_factor * (crop_work.broken if own is None else own * PERCENT)
 
     def start(self) -> None:
         """Settings as they are first wanted."""
