@@ -205,7 +205,7 @@ def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
 
 def _origin(tag: str) -> str:
     """Where a number comes from, in a word or two."""
-    return " or ".join(TAGS[each].split()[0] for each in tag.split("/"))
+    return " or ".join(TAGS[each].split()[0].rstrip(",") for each in tag.split("/"))
 
 
 def _incident_row(event: Mapping[str, Any]) -> list[str]:
