@@ -35,7 +35,7 @@ BACK_M = (8.0, 16.0, 28.0)  # back from the end of a pass that leads against cro
 CORNER_M = 30.0  # between passes that meet in a corner
 ON_M = (0.0, 4.0, 8.0, 12.0)  # straight before and behind a bend that is driven back
 LINE_M = 7.0  # straight at the end of turns of a trailer
-SWING_M = 0.4  # more room on each side of a trailer in turns
+SWING_M, STAND_M = 0.4, 0.8  # more room on each side of a trailer in turns, and where one stands behind them
 OPENS_M = 120.0  # over which a combine opens a way into standing crop
 PART_M = 7.0  # between hulls of what is swept
 NEED_M = 0.15  # by which crop is narrower where ways are checked for it
@@ -617,7 +617,7 @@ class Lanes:
         self.stands = [standing(p, _rough(self.groups[g].body), 0.0, "stands") for g, p in self.nodes]
         every = [*paths, *self.stands]
         count = len(every)
-        pairs = _met([p.swept for p in every])
+        pairs = self._pairs(every)
         self.conflicts = _rows(pairs, count)
         tree = shapely.STRtree(self.crop)
         shapes, of = [], []
@@ -631,6 +631,25 @@ class Lanes:
         s, c = tree.query(shapes, predicate="intersects")
         need = np.unique(np.column_stack([np.array(of)[s], c]), axis=0)
         self.needs = _rows(need, count)
+
+
+    def _pairs(self, every: list[Path]) -> Any:
+        """Resources that meet; a trailer that stands, or comes beside, is not yet in line, but for who cuts
+        there.
+        """
+        wide, cuts = [p.swept for p in every], np.zeros(len(every), bool)
+        for r, e in enumerate(self.edges):
+            body = self.groups[e.group].body
+            cuts[r] = e.what == "cut"
+            if e.what == "beside":
+                wide[r] = segments(e.track, e.track.distance, _rough(body, STAND_M), "").swept
+        for n, (g, p) in enumerate(self.nodes):
+            wide[len(self.edges) + n] = standing(p, _rough(self.groups[g].body, STAND_M), 0.0, "").swept
+        for chain in self.chains:
+            cuts[[len(self.edges) + n for n in chain.nodes]] = True
+        pairs, strict = _met(wide), _met([p.swept for p in every])
+        far = pairs[~cuts[pairs].any(axis=1)]
+        return np.unique(np.concatenate([strict, far]), axis=0)
 
 
 def _rough(body: Body, more: float = 0.0) -> Body:
