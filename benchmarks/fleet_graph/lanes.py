@@ -32,6 +32,7 @@ CELL_M = 24.0  # of passes, about
 NODE_M = 26.0  # between poses of lanes
 FAR_M = 62.0  # longest turn
 BACK_M = (8.0, 16.0, 28.0)  # back from the end of a pass that leads against crop
+AT_HOLE_M = 15.0  # from a hole, in which a pass ends before it
 CORNER_M = 30.0  # between passes that meet in a corner
 ON_M = (0.0, 4.0, 8.0, 12.0)  # straight before and behind a bend that is driven back
 LINE_M = 7.0  # straight at the end of turns of a trailer
@@ -517,6 +518,60 @@ class Lanes:
         self._ways_in(g, outs, known)
         if not self.groups[g].is_cart:
             self._corners(g)
+            self._dead_ends(g)
+
+    def _dead_ends(self, g: int) -> None:
+        """From ends of passes before a hole: back along them, to turn into a pass beside that is cut or, with
+        the whole of it behind, back in a bend onto a lane.
+        """
+        spec, holes = self.groups[g].spec, self.ground.holes
+        if holes.is_empty or spec.drive.backwards <= 0.0:
+            return
+        own = [c for c in self.chains if c.group == g and not c.is_headland]
+        lanes = [n for lane in self.flows[g] for n in lane]
+        flipped = np.array([0.0, 0.0, math.pi])
+        for c in own:
+            end = self.nodes[c.nodes[-1]][1]
+            if holes.distance(shapely.Point(end[:2])) > AT_HOLE_M:
+                continue
+            beside = [
+                n for o in own if o.number != c.number for n in o.nodes
+                if math.dist(self.nodes[n][1][:2], end[:2]) < FAR_M
+                and math.cos(self.nodes[n][1].heading - end.heading) < 0.0
+            ]  # fmt: skip
+            for far in BACK_M:
+                if far < c.task.length - 2.0:
+                    n = self._back(g, c.nodes[-1], far)
+                    pairs = [(n, b) for b in (*beside, *lanes)] if n >= 0 else []
+                    rows = sorted(zip(self._far(g, pairs).tolist(), pairs, strict=True))
+                    self.rolls([p for d, p in rows[:8] if d < FAR_M])
+            n = self._back(g, c.nodes[-1], c.task.length)
+            if n < 0:
+                continue
+            start = self.nodes[n][1]
+            near = [b for b in lanes if math.dist(self.nodes[b][1][:2], start[:2]) < FAR_M]
+            goals = np.array([self.nodes[b][1][:3] for b in near]).reshape(-1, 3) + flipped
+            turns = shortest_turns(
+                np.array([start[:3]] * len(near)).reshape(-1, 3) + flipped, goals, spec.drive
+            )
+            rows = sorted((math.fsum(d for _, d in t), b, t) for b, t in zip(near, turns, strict=True) if t)
+            for far, b, pieces in rows[:8]:
+                if far < FAR_M:
+                    e = self.edge(
+                        n, b, g, driven(start, [(-k, -d) for k, d in pieces], spec.body, 1.0), "way"
+                    )
+                    self.edges[e].spent += 2.0 * spec.drive.shift * (e >= 0)
+
+    def _back(self, g: int, a: int, far: float) -> int:
+        """Straight back from a node [m]; the node there, -1 where there is no room."""
+        drive, body = self.groups[g].spec.drive, self.groups[g].body
+        back = driven(self.nodes[a][1], [(0.0, -far)], body)
+        n = self.node(g, back.end)
+        e = self.edge(a, n, g, back, "way")
+        if e < 0:
+            return -1
+        self.edges[e].spent += 2.0 * drive.shift
+        return n
 
     def _ways_in(self, g: int, outs: list[int], known: set[tuple[int, int]]) -> None:
         """Turns to where a round is begun, past standing crop."""
@@ -540,16 +595,12 @@ class Lanes:
                 crop, shapely.union_all([self.crop[i] for i in cut]).buffer(2.0 * NEED_M)
             )
             shapely.prepare(rest)
-            end = self.nodes[c.nodes[-1]][1]
             for far in BACK_M:
                 if far > c.task.length - 2.0:
                     continue
-                back = driven(end, [(0.0, -far)], self.groups[g].body)
-                n = self.node(g, back.end)
-                e = self.edge(c.nodes[-1], n, g, back, "way")
-                if e < 0:
+                n = self._back(g, c.nodes[-1], far)
+                if n < 0:
                     continue
-                self.edges[e].spent += 2.0 * self.groups[g].spec.drive.shift
                 rows = sorted((self._turn_m(n, b), b) for b in flows if b != n)
                 self._roll_clear(g, [(n, b) for d, b in rows[:14] if d < FAR_M], rest, 2)
 
@@ -631,7 +682,6 @@ class Lanes:
         s, c = tree.query(shapes, predicate="intersects")
         need = np.unique(np.column_stack([np.array(of)[s], c]), axis=0)
         self.needs = _rows(need, count)
-
 
     def _pairs(self, every: list[Path]) -> Any:
         """Resources that meet; a trailer that stands, or comes beside, is not yet in line, but for who cuts
