@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swath.control.edge.block_track import BlockTrack, Search
-from swath.control.edge.canopy_classes import CELL, CLASSES, HALF, LAYER, LOWEST, NOTHING
+from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYER, LOWEST, NOTHING
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from tests.control.synthetic_edge import mounting
 from tests.control.test_likelihood_ratio import SPEED, drive
@@ -14,33 +14,36 @@ from tests.control.test_likelihood_ratio import SPEED, drive
 TRAVEL, SCANS = 0.08, 5  # m from scan to scan, scans of a block
 
 
-def rays(edge, top, lost, rng, count=120):
+def rays(edge, top, lost, rng, count=120, swallowed=(0.0, 0.0)):
     """Rays to either side of a frame, past an edge beside it [m] of a crop of some height [m].
 
-    lost: share of them that do not come back
+    lost: share of them that do not come back; swallowed: from where to where beside the edge dust answers [m]
     """
     beside = rng.uniform(-2.4, 2.4, count)
     height = np.where(beside > edge, top - 0.1, 0.05) + 0.03 * rng.standard_normal(count)
     layer = ((height - LOWEST) / LAYER).astype(np.int64)
     kind = np.where(rng.uniform(size=count) < lost, NOTHING, layer)
+    kind[(beside > edge + swallowed[0]) & (beside < edge + swallowed[1])] = DUST
     cells = np.floor((beside + HALF) / CELL).astype(np.int64) * CLASSES + kind
     none = np.full(count, np.nan)
     stands = np.ones(len(cells), bool)
     return RayAnswers(cells, stands, none, 0.4 * count, count, none, np.isfinite(none), none, none)
 
 
-def follow(edges, seed, *, tops=(0.85,), levels=(0.0,), lost=0.0):
+def follow(edges, seed, *, tops=(0.85,), levels=(0.0,), lost=0.0, swallowed=()):
     """(track, blocks followed after each block) past edges beside the way [m], block by block.
 
     tops: heights of the crop [m]; levels: of the ground [m]; the last one stays
+    swallowed: of each of the last blocks, as `rays` has it
     """
     track, rng, followed = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed), []
     for k, edge in enumerate(edges):
         top, level = (values[min(k, len(values) - 1)] for values in (tops, levels))
+        strip = ((0.0, 0.0),) * (len(edges) - len(swallowed)) + tuple(swallowed)
         for n in range(SCANS):
             at, arc = (TRAVEL * (SCANS * k + n), 0.0, 0.0), track.track.arc
             frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
-            track.add(rays(edge - frame.u, top, lost, rng), TRAVEL, frame, at, level)
+            track.add(rays(edge - frame.u, top, lost, rng, swallowed=strip[k]), TRAVEL, frame, at, level)
         followed.append(track.followed)
     return track, followed
 
@@ -78,6 +81,17 @@ def test_in_dust_the_gate_is_as_wide_as_a_block_is_blurred(seed):
     """Of 12 rays one comes back: an edge 0.35 m beside the track is not cut off at 0.28 m."""
     track, _ = follow([0.0] * 20 + [0.35] * 16, seed, lost=0.92)
     assert track.track.arc.u == pytest.approx(0.35, abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_where_dust_hides_the_strip_about_the_edge_the_track_goes_on_and_says_so(seed):
+    """Rays of the stubble further out come back, and those in the crop: the edge is anywhere between."""
+    draw = np.random.default_rng(seed)
+    strips = [(-draw.uniform(0.6, 1.2), draw.uniform(0.0, 0.3)) for _ in range(8)]
+    seen, _ = follow([0.0] * 30, seed)
+    track, _ = follow([0.0] * 38, seed, swallowed=strips)
+    assert np.abs(track.points.rows[:, 1]).max() < 0.1
+    assert track.agreed < 0.5 * seen.agreed
 
 
 def test_crop_that_seems_to_rise_on_rolling_ground_is_no_front():

@@ -22,6 +22,7 @@ from swath.control.edge.line.inner_edge import LONG
 from swath.control.edge.line.near_line import DISTANCE, EdgePoints
 from swath.control.edge.line.ragged_line import bite_of, ragged_line
 from swath.control.edge.populations import Populations, crop_excess, overlap_of
+from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
@@ -204,10 +205,11 @@ class BlockTrack(KeepsState):
         self.populations.move(block.travel)
         angle, wall = arc.angle - heading, wall_of(self._scans, found.beside, block.alike)
         along = place_along(wall, self._middle, angle)
+        is_blind = found.blank > EVENLY * BLURRED  # the edge may lie anywhere in there
         swing = self._lodging.swing(block, found.beside, self.populations, angle)
         if swing > 0.0 and abs(found.beside) < swing + 0.1:
             self._pass_lodged(found, along, swing)
-        elif found.gain >= LEAST_GAIN and is_near and not self._is_hole(found, arc):
+        elif found.gain >= LEAST_GAIN and is_near and not (is_blind or self._is_hole(found, arc)):
             self._accept(found, along, heading, wall)
         else:
             broke = not is_near or self._is_hole(found, arc)

@@ -108,8 +108,8 @@ def find_edge(block: Block, ratios: F64, gate: float) -> Found:
 
 
 def _blank(counts: F64, edge: float) -> float:
-    """Width of the strip about an edge [m] in which there are no counts (PLACES, CLASSES)."""
-    filled = np.flatnonzero(counts.any(axis=1))
+    """Width of the strip about an edge [m] in which there are no counts (PLACES, CLASSES) but of dust."""
+    filled = np.flatnonzero(np.delete(counts, DUST, axis=1).any(axis=1))
     above = int(np.searchsorted(EDGES[filled], edge))
     first = float(EDGES[filled[above]]) if above < len(filled) else HALF
     last = float(EDGES[filled[above - 1]]) + CELL if above else -HALF
