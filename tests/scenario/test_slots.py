@@ -137,10 +137,19 @@ def test_what_is_an_estimate_has_a_band_to_draw_from():
             params = REGISTRY.get(slot.name, name).params
             for key, of in estimates(params).items():
                 assert of.low <= getattr(params, key, of.low) <= of.high, (slot.name, name, key)
-    with pytest.raises(InputError, match="one with a band"):
-        CATALOGUE.estimate_of("combine.threshing.threshability")
     shoe = REGISTRY.get("cleaning", "model").params
     assert estimates(shoe).keys() == shoe.__dataclass_fields__.keys()
+    assert CATALOGUE.estimate_of("combine.lidar_left.window.drop_mm") == (1, 3)
+    assert CATALOGUE.estimate_of("field.stand.straw_lag_h") == (1, 2)
+    for none in (
+        "combine.threshing.threshability",
+        "combine.lidar.window",
+        "field.stand",
+        "field",
+        "seed.a.b",
+    ):
+        with pytest.raises(InputError, match="one with a band"):
+            CATALOGUE.estimate_of(none)
 
 
 def test_a_case_draws_from_the_band():

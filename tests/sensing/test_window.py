@@ -1,11 +1,18 @@
 """Dust on a window against the law of its transmission, the flux that settles, and what takes it off."""
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+from mcap.reader import make_reader
 
+import swath
+from swath.core.errors import InputError
+from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.field.plume import PLANT, Grains, Puffs, fall_speed
 from swath.field.weather import SiteWeather, Weather
+from swath.runtime.assembly import assemble
+from swath.scenario.scenario import load_scenario
 from swath.sensing.window import Params, Window, transmission
 
 AROUND = np.column_stack([np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4), np.zeros(8)])
@@ -25,7 +32,8 @@ class Site:
 
 def stand(window, site, seconds, steps=10, start=0.0):
     for k in range(steps + 1):
-        through = window.step(int((start + seconds * k / steps) * NS), site, HERE, AROUND)
+        t = int((start + seconds * k / steps) * NS)
+        through = window.step(t, site, HERE, AROUND, Stream(1, "drops"))
     return through
 
 
@@ -64,7 +72,7 @@ def test_a_cloth_and_rain_take_it_off_and_the_scanner_warns():
     assert stand(window, Site(), 4.0).max() < 0.85
     assert "warning" in window.notes[0]
     assert stand(window, Site(), 2.0, start=4.0) == pytest.approx(np.ones(8))
-    rained = Window(Params(dust_g_m2=4.0, rinse_mm=2.0), 8)
+    rained = Window(Params(dust_g_m2=4.0, rinse_mm=2.0, drop_catch_percent=0.0), 8)
     stand(rained, Site(rain_mm_h=6.0), 2400.0)
     assert rained.mass == pytest.approx(np.full(8, 1.0))
     saved = rained.save()
@@ -72,3 +80,53 @@ def test_a_cloth_and_rain_take_it_off_and_the_scanner_warns():
     assert rained.mass[0] == 4.0
     rained.load(saved)
     assert rained.mass == pytest.approx(np.full(8, 1.0))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_drops_cover_what_comes_less_what_runs_off(seed):
+    """Their mean against the balance of a drop's circle: catch R 2.38 / d on what is free, over stay_s."""
+    draw = np.random.default_rng(seed)
+    rain, drop_mm, stay = (
+        float(draw.uniform(5, 40)),
+        float(draw.uniform(0.5, 3.0)),
+        float(draw.uniform(20, 60)),
+    )
+    window = Window(Params(drop_catch_percent=20.0, drop_mm=drop_mm, drop_stay_s=stay), 4000, 0.014)
+    around, stream = np.tile(AROUND, (500, 1)), Stream(seed, "drops")
+    for k in range(int(6 * stay)):
+        through = window.step(k * NS, Site(rain_mm_h=rain), HERE, around, stream)
+    rate = 0.2 * rain / 3.6e6 * (0.25 * np.pi * 2.0 ** (2.0 / 3.0)) / (np.pi / 6.0) / (1e-3 * drop_mm)
+    assert window.drops.mean() == pytest.approx(rate * stay / (1.0 + rate * stay), rel=0.1)
+    assert window.drops.std() > 0.0
+    np.testing.assert_allclose(through, 1.0 - window.drops)
+
+
+def test_dirt_sensors_say_the_state_of_the_dirtiest_sector():
+    window = Window(Params(dirt_sensors=4), 8)
+    for mass, state in ((0.0, 0), (2.5, 1), (5.5, 2), (30.0, 3)):
+        window.mass[:] = 0.0
+        window.mass[4:6] = mass
+        window.step(NS, Site(), HERE, AROUND, Stream(1, "drops"))
+        assert window.told.state == state
+        assert window.told.transmission == pytest.approx(float(transmission(np.array(mass))))
+        assert window.told.sector == (2 if mass else 0)
+    with pytest.raises(InputError, match="serious_percent <= error_percent <= warning_percent"):
+        Params(error_percent=95.0)
+
+
+@pytest.mark.parametrize("level", ["empirical", "plants"])
+def test_a_run_records_what_the_scanner_says_of_its_window(tmp_path, level):
+    """As columns of the tracks and as a message of ROS 2's diagnostics, at every level the same numbers."""
+    sets = ["run.distance_m=1", f"combine.lidar.level={level}", "combine.lidar.window.dust_g_m2=3"]
+    swath.run("straight", sets=sets, out=tmp_path / "run")
+    table = pq.read_table(tmp_path / "run" / "tracks.parquet")
+    assert set(table["window_state"].to_pylist()) == {1.0}
+    assert table["window_transmission"][0].as_py() == pytest.approx(float(transmission(np.array(3.0))))
+    with (tmp_path / "run" / "run.mcap").open("rb") as stream:
+        (schema, channel, _), *_ = make_reader(stream).iter_messages(topics=["/diagnostics"])
+    assert schema.name == "diagnostic_msgs/msg/DiagnosticArray"
+    assert channel.topic == "/diagnostics"
+    with pytest.raises(InputError, match="expected no window that gets dirty"):
+        assemble(load_scenario("straight", sets=[
+            "combine.lidar={level: profile, window: {}}", "combine.header.level=profile"
+        ]))  # fmt: skip

@@ -1,7 +1,8 @@
 """Numbers that are estimates, and the bands in which they are thought to lie."""
 
-from dataclasses import dataclass
-from typing import Any, get_type_hints
+from collections.abc import Sequence
+from dataclasses import dataclass, is_dataclass
+from typing import Any, get_args, get_type_hints
 
 
 @dataclass(frozen=True)
@@ -14,6 +15,16 @@ class Estimate:
     def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
         """The band stands in the schema, too."""
         return {**handler(core_schema), "estimate": [self.low, self.high]}
+
+
+def band_of(params: Any, path: Sequence[str]) -> Estimate | None:
+    """The band of a key of a class of parameters, or of one within them; None where it has none."""
+    name, *rest = path or [""]
+    if not rest:
+        return estimates(params).get(name)
+    hint = get_type_hints(params).get(name)
+    inner = [kind for kind in (hint, *get_args(hint)) if is_dataclass(kind)]
+    return next((band for kind in inner if (band := band_of(kind, rest)) is not None), None)
 
 
 def estimates(params: Any) -> dict[str, Estimate]:

@@ -120,7 +120,7 @@ class Field:
 
     def film(self, t: int) -> float:
         """Share of the straw that water covers at a time of the run [ns]."""
-        return film_share(self.moisture.at(t)["straw_moisture"])
+        return film_share(self.moisture.at(t)["straw_moisture"], self.moisture)
 
     @property
     def pages(self) -> Pages:

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Le, MinLen
+from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.core.errors import InputError
+from swath.core.estimate import Estimate
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
 
@@ -27,11 +28,17 @@ class Moisture:
         `weather`: dew, rain and drying by field.weather
     start_hour: time of day at the start of the run, for what goes by the hour; none = that of
         field.weather.time, without which it is 12
+    dry_straw_kg_m2: straw that dew and rain wet, without its water
+    film_max_kg_m2: the most water that hangs on it
+    straw_lag_h: how far the water in the straw is behind the air
     """
 
     grain_moisture_percent: ByHour = 14.0
     straw_moisture_percent: FromWeather = 12.0
     start_hour: Hour | None = None
+    dry_straw_kg_m2: Annotated[float, Gt(0.0), Le(5.0), Estimate(0.3, 1.0)] = 0.6
+    film_max_kg_m2: Annotated[float, Gt(0.0), Le(2.0), Estimate(0.15, 0.5)] = 0.3
+    straw_lag_h: Annotated[float, Gt(0.0), Le(24.0), Estimate(1.0, 2.0)] = 1.5
 
     def __post_init__(self) -> None:
         for key in ("grain_moisture_percent", "straw_moisture_percent"):

@@ -50,7 +50,7 @@ class Grains:
     extinction: float
 
 
-# Of plant dust; the shares make a median of 35 um by mass; on farms it is 49 um (Nieuwenhuijsen), estimated
+# Of plant dust; the shares make a median of 35 um by mass
 PLANT = (
     Grains(0.25, 10e-6, 1300.0, 340.0),
     Grains(0.4, 30e-6, 1300.0, 130.0),

@@ -2,10 +2,10 @@
 
 The film on the stand [kg/m2] goes by Penman 1948 (doi:10.1098/rspa.1948.0037) without a resistance of plants:
 
-    LE = (D Rn + rho cp (es - e) / ra) / (D + g),   film' = rain - LE / L,   0 <= film <= 0.3
+    LE = (D Rn + rho cp (es - e) / ra) / (D + g),   film' = rain - LE / L,   0 <= film <= film_max
 
 Rn net radiation, D slope of the vapour at saturation, g = 0.66 hPa/K; LE < 0 is dew. The straw itself follows
-the humidity of the air with a lag of 1.5 h (estimate): 8 to 20 % of its dry mass at humidities of 0.12 to
+the humidity of the air with a lag: 8 to 20 % of its dry mass at humidities of 0.12 to
 0.89, measured on maize stalks, straight on beyond. What is more than it holds in damp air lies on it, and
 darkens a reflectance r to r / (n^2 (1 - r) + r), n = 1.33 (Angstrom 1925). The papers were not read here; no
 stand was compared.
@@ -36,17 +36,16 @@ from swath.signals import F64
 BY_WEATHER = "weather"  # in place of a number
 LATENT = 2.45e6  # heat of evaporation [J/kg]
 PSYCHROMETRIC = 0.66  # [hPa/K]
-HELD = 0.3  # most film [kg/m2], an estimate
-STRAW = 0.6  # dry straw of the stand [kg/m2], an estimate
-LAG = 1.5 * HOUR  # of straw behind the air [s]
+USUAL = Moisture()
 STEP = 300.0  # [s]
 SQUARE_INDEX = 1.33**2  # of water
 
 
-def film_share(straw_moisture: float) -> float:
+def film_share(straw_moisture: float, of: Moisture = USUAL) -> float:
     """Share of the straw that water covers: what is beyond its hold in damp air lies on it as a film."""
     content = straw_moisture / (1.0 - straw_moisture)
-    return min(max((content - balance_content(1.0)) * STRAW / HELD, 0.0), 1.0)
+    held = (content - balance_content(1.0)) * of.dry_straw_kg_m2 / of.film_max_kg_m2
+    return min(max(held, 0.0), 1.0)
 
 
 def darkened(reflectance: Any, share: float) -> F64:
@@ -69,12 +68,14 @@ def balance_content(humidity: float) -> float:
     return max(0.08 + 0.12 * (humidity - 0.12) / 0.77, 0.0)
 
 
-def film_after(film: float, rain: float, latent: float, seconds: float) -> float:
-    """Film [kg/m2] after a time; rain [kg/m2s], latent [W/m2]."""
-    return min(max(film + (rain - latent / LATENT) * seconds, 0.0), HELD)
+def film_after(
+    film: float, rain: float, latent: float, seconds: float, most: float = USUAL.film_max_kg_m2
+) -> float:
+    """Film [kg/m2] after a time; rain [kg/m2s], latent [W/m2], most: that hangs there [kg/m2]."""
+    return min(max(film + (rain - latent / LATENT) * seconds, 0.0), most)
 
 
-def day_of(weather: SiteWeather, start: float, height: float) -> tuple[F64, F64, F64]:
+def day_of(weather: SiteWeather, start: float, height: float, of: Moisture) -> tuple[F64, F64, F64]:
     """Hours of a day, film [kg/m2] and content of straw at each; start: hour of t = 0 of the run.
 
     It is gone through twice: the first day finds what the second begins with.
@@ -87,8 +88,8 @@ def day_of(weather: SiteWeather, start: float, height: float) -> tuple[F64, F64,
         content = balance_content(air.humidity) if content < 0.0 else content
         rows.append((film, content))
         latent = latent_heat(air, -0.5 * np.pi if sun is None else sun.elevation, height)
-        film = film_after(film, air.rain / HOUR, latent, STEP)
-        content += (balance_content(air.humidity) - content) * STEP / LAG
+        film = film_after(film, air.rain / HOUR, latent, STEP, of.film_max_kg_m2)
+        content += (balance_content(air.humidity) - content) * STEP / (of.straw_lag_h * HOUR)
     films, contents = np.array(rows[len(hours) :]).T
     return hours, films, contents
 
@@ -107,8 +108,8 @@ def by_weather(moisture: Moisture, weather: SiteWeather | None, height: float) -
     if weather is None:
         raise InputError(key, BY_WEATHER, "expected field.weather beside it")
     start = NOON if moisture.start_hour is None else moisture.start_hour
-    hours, film, content = day_of(weather, start, height)
-    water = content * STRAW + film
-    percents = (water / (STRAW + water) / PERCENT).tolist()
+    hours, film, content = day_of(weather, start, height, moisture)
+    water = content * moisture.dry_straw_kg_m2 + film
+    percents = (water / (moisture.dry_straw_kg_m2 + water) / PERCENT).tolist()
     pairs = tuple(zip(hours.tolist(), percents, strict=True))
     return replace(moisture, straw_moisture_percent=pairs)

@@ -23,7 +23,7 @@ from swath.record.message_factory import (
 )
 from swath.record.motion_messages import OdometryMessages, StateMessages, speed_messages, steering_messages
 from swath.record.positioning_messages import fix_messages, imu_messages, pose_messages
-from swath.record.scan_messages import image_messages, scan_messages, truth_messages
+from swath.record.scan_messages import image_messages, scan_messages, truth_messages, window_messages
 from swath.signals import (
     CropEdge,
     Fix,
@@ -39,6 +39,7 @@ from swath.signals import (
     Signal,
     SpeedCommand,
     SteerState,
+    WindowState,
 )
 from swath.signals.radar import RadarTargets
 
@@ -49,6 +50,7 @@ MAKERS: dict[type[Signal], Maker] = {
     SpeedCommand: lambda source: partial(speed_messages, source),
     Scan: lambda source: partial(scan_messages, source),
     ScanTruth: lambda source: partial(truth_messages, source),
+    WindowState: lambda source: partial(window_messages, source),
     Image: lambda source: partial(image_messages, source),
     Fix: lambda source: partial(fix_messages, source),
     PoseEstimate: lambda source: partial(pose_messages, source),

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.schedule import NS
-from swath.record.message_factory import Sent, Source
-from swath.signals import Image, Scan, ScanTruth
+from swath.record.message_factory import Sent, Source, own_messages
+from swath.signals import Image, Scan, ScanTruth, WindowState
+from swath.signals.scan import WINDOW_STATES
 
 JPEG_QUALITY = 90
 MODELS = {0: "plumb_bob", 5: "plumb_bob", 8: "rational_polynomial", 4: "equidistant"}  # by coefficients
@@ -102,6 +103,25 @@ def truth_messages(source: Source, truth: ScanTruth) -> Iterator[Sent]:
     """PointCloud2 in the world."""
     points, beam, echo = _flatten(truth.points)
     yield Sent(source.topic, cloud_message(source, truth.t, "map", points, {"beam": beam, "echo": echo}))
+
+
+def window_messages(source: Source, window: WindowState) -> Iterator[Sent]:
+    """swath_msgs/WindowState, and what diagnostics show of it."""
+    yield from own_messages(source, window)
+    status = source.make(
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=min(window.state, 2),  # OK, WARN, ERROR
+        name=f"{source.slot_topic}: window",
+        message=WINDOW_STATES[window.state],
+        values=[
+            source.make("diagnostic_msgs/msg/KeyValue", key=key, value=f"{value:g}")
+            for key, value in (("transmission", window.transmission), ("sector", window.sector))
+        ],
+    )
+    header = source.make.header(window.t, source.frame)
+    yield Sent(
+        "/diagnostics", source.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
+    )
 
 
 def is_laser_scan(scan: Scan) -> bool:

@@ -18,7 +18,7 @@ from typing import Any
 
 from swath.core.component import Port
 from swath.core.errors import InputError
-from swath.core.estimate import estimates
+from swath.core.estimate import band_of
 from swath.core.registry import Registry
 from swath.scenario.machine_types import MACHINE_TYPES, ORGANS
 from swath.signals import (
@@ -60,6 +60,7 @@ from swath.signals import (
     UnloadCommand,
     UnloadState,
     WheelState,
+    WindowState,
     YieldReading,
 )
 from swath.signals.radar import RadarTargets
@@ -222,6 +223,7 @@ SLOTS: tuple[SlotKind, ...] = (
         25.0,
         (Port("scan", Scan, unit="m", shape=(None,)), Port("truth", ScanTruth)),
         _STATE,
+        more=(Port("window", WindowState),),
     ),
     _sensor(
         "camera",
@@ -513,12 +515,12 @@ class Catalogue:
 
     def estimate_of(self, key: str) -> tuple[float, float]:
         """The band of a key such as `combine.threshing.threshing_speed`. InputError where it has none."""
-        instance, _, name = key.rpartition(".")
-        kind = self.kind_of(instance.rpartition(".")[2])
-        if kind is not None:
-            for level in self.registry.names(kind.name):
-                if band := estimates(self.registry.get(kind.name, level).params).get(name):
-                    return band.low, band.high
+        owner, instance, *path = [*key.split("."), "", ""]
+        kind = self.kind_of(instance)
+        name = instance if owner == "field" else kind.name if kind is not None else ""
+        for level in self.registry.names(name) if name in self.registry.packages else ():
+            if band := band_of(self.registry.get(name, level).params, path[:-2]):
+                return band.low, band.high
         raise InputError("key", key, "expected one with a band, as `swath levels SLOT` shows it")
 
 

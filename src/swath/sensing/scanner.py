@@ -27,7 +27,7 @@ from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
 from swath.sensing.window import Params as WindowParams
 from swath.sensing.window import Window
-from swath.signals import F32, F64, MachineState, Scan, ScanTruth, beam_directions
+from swath.signals import F32, F64, MachineState, Scan, ScanTruth, WindowState, beam_directions
 
 FULL_DAY = 100_000.0  # light of a full day [lx]
 PULSE_BANDWIDTH = 0.44  # bandwidth times length of a gaussian pulse
@@ -142,14 +142,17 @@ class Scanner:
         self.axes = _beam_axes(self.azimuth, self.elevation)
         self.reach = min(params.reach_m, self.sheet.range_max)
         self.inputs = (Port("state", MachineState, history=True),)
-        self.outputs = (
+        self.outputs: tuple[Port, ...] = (
             Port("scan", Scan, unit="m", shape=(len(self.azimuth),)),
             Port("truth", ScanTruth),
         )
         self.sweep = Sweep(self.mounting, self.beam_t)
         self.least_energy, self.false_per_m = self._in_daylight()
         dirt = params.window if isinstance(params, OutdoorParams) else None
-        self.window = None if dirt is None else Window(dirt, len(self.azimuth))
+        wide = max(self.sheet.beam.exit_diameter)
+        self.window = None if dirt is None else Window(dirt, len(self.azimuth), wide)
+        if self.window is not None:
+            self.outputs = (*self.outputs, Port("window", WindowState))
         self._blind_scans, self._has_echo = 0, False
         self.noise = Noise(self.sheet, is_on=params.noise == "data_sheet", angle=angle_noise, dropout=dropout)
 
@@ -247,7 +250,10 @@ class Scanner:
             ranges.astype(np.float32, copy=False),
             intensity.astype(np.float32, copy=False),
         )
-        return {"scan": scan, "truth": ScanTruth(t, points, origins)}
+        found: Outputs = {"scan": scan, "truth": ScanTruth(t, points, origins)}
+        if self.window is not None:
+            found["window"] = self.window.told
+        return found
 
 
 def _sector(sector_deg: tuple[float, float] | None, fov: tuple[float, float]) -> tuple[float, float]:
@@ -357,7 +363,8 @@ class ScanningLidar(KeepsState, ABC):
         false = self.scanner.false_per_m
         window, glass = self.scanner.window, None
         if window is not None:
-            glass = window.step(t, field, origins.mean(axis=0), directions)
+            drops = self._stream.child("drops")
+            glass = window.step(t, field, origins.mean(axis=0), directions, drops)
         if weather.is_clear and haze is None and false == 0.0 and glass is None:
             return None
         rng = self._stream.child("weather").at(t)

@@ -52,5 +52,6 @@ from swath.signals.positioning import Odometry as Odometry
 from swath.signals.positioning import PoseEstimate as PoseEstimate
 from swath.signals.scan import Scan as Scan
 from swath.signals.scan import ScanTruth as ScanTruth
+from swath.signals.scan import WindowState as WindowState
 from swath.signals.scan import beam_directions as beam_directions
 from swath.signals.settings import OrganSettings as OrganSettings

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 
 from swath.core.frozen import frozen
-from swath.core.signal import About, Message, Quantity, Signal
+from swath.core.signal import SHARE, About, Message, Quantity, Signal
 from swath.signals.arrays import F32, F64
 
 _SCAN = (
@@ -59,6 +59,32 @@ class ScanTruth(
     sensor_position: Annotated[
         F64, Quantity("m", "sensor at the time of each beam", ("beam_count", 3), "not recorded")
     ]
+
+
+WINDOW_STATES = "ok", "warning", "error", "serious"  # as SICK's LMS500 calls them
+_WINDOW = (
+    Message("swath_msgs/WindowState"),
+    Message("diagnostic_msgs/DiagnosticArray", "OK, WARN, ERROR", "/diagnostics"),
+)
+
+
+@frozen
+class WindowState(Signal, about=About("sensor", _WINDOW)):
+    """What a scanner says of its dirty window, by its dirt sensors, each of which looks through a sector."""
+
+    state: Annotated[
+        int, Quantity("", "0 ok, 1 warning, 2 error, 3 serious", span=(0, 3), column="window_state")
+    ]
+    transmission: Annotated[
+        float,
+        Quantity(
+            "",
+            "light through the dirtiest sector, one way",
+            span=SHARE,
+            column="window_transmission",
+        ),
+    ]
+    sector: Annotated[int, Quantity("", "the dirtiest one, 0 = at the first azimuth")]
 
 
 def beam_directions(azimuth: F64, elevation: F64) -> F64:

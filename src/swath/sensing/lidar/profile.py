@@ -40,6 +40,8 @@ class ProfileLidar(TableLidar):
         weather = setup.field.weather
         if not params.weather.is_clear or (weather is not None and weather.may_be_dim):
             raise refused("weather")
+        if params.window is not None:
+            raise refused("window that gets dirty")
         if setup.field.plumes:
             raise refused("dust")
         if setup.edge is None:

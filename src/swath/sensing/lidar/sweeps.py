@@ -14,7 +14,7 @@ from swath.core.together import Samples
 from swath.kernels import Repeated, repeatable, shared
 from swath.sensing.scanner import ScanningLidar
 from swath.sensing.sweep import ROOM
-from swath.signals import MachineState, Scan, ScanTruth
+from swath.signals import MachineState, Scan, ScanTruth, WindowState
 
 
 class Sweeps(Compiled):
@@ -30,7 +30,10 @@ class Sweeps(Compiled):
         hit = {"points": Room((count, echoes, 3), room), "sensor_position": Room((count, 3), room)}
         alike = {"beam_t": first.scanner.beam_t, "azimuth": first.azimuth, "elevation": first.elevation}
         scan, truth = row_of(Scan, n, rooms=scanned, alike=alike), row_of(ScanTruth, n, rooms=hit)
-        super().__init__(n, {"scan": scan, "truth": truth})
+        sent = {"scan": scan, "truth": truth}
+        if first.scanner.window is not None:
+            sent["window"] = row_of(WindowState, n)
+        super().__init__(n, sent)
         self.parts: Sequence[Any] = parts
         self.arrays = {
             name: row.roomy(name, room) for row, names in ((scan, scanned), (truth, hit)) for name in names
@@ -43,8 +46,10 @@ class Sweeps(Compiled):
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Empty scans."""
         self.last[:, 0] = -1.0
-        for part, stream in zip(self.parts, streams, strict=True):
+        for world, (part, stream) in enumerate(zip(self.parts, streams, strict=True)):
             part.begin(stream)
+            if (window := part.scanner.window) is not None:
+                self.sent["window"].put(world, window.told)
         for array in self.arrays.values():
             array[:] = np.nan
         return self.sent_at(0)
@@ -90,5 +95,8 @@ class Sweeps(Compiled):
 
 
 def beams_of(part: ScanningLidar) -> tuple[bytes, ...]:
-    """The times and directions of its beams, which are the same in all worlds that go in step."""
-    return tuple(np.asarray(a).tobytes() for a in (part.scanner.beam_t, part.azimuth, part.elevation))
+    """The times and directions of its beams, which are the same in all worlds that go in step, and whether it
+    says something of its window.
+    """
+    beams = part.scanner.beam_t, part.azimuth, part.elevation
+    return (*(np.asarray(a).tobytes() for a in beams), bytes(part.scanner.window is not None))
