@@ -92,6 +92,16 @@ def test_a_crouching_person_in_the_crop_is_out_of_sight(scene):
     assert make_sensor("lidar", scene).look(-1.0, 0.0).detected > 0.6
 
 
+def test_a_radar_says_that_the_crop_behind_a_lying_person_on_the_stubble_hides_it():
+    lying = Settings(target="person-lying", repeats=1, looks=10)
+    radar = make_sensor("radar-77ghz-corner", Scene(lying, Condition(0.85, 400.0, "clear")))
+    answer = radar.look(-1.0, 0.0)
+    echo, around = (float(answer.why.split(before)[-1].split(" dB")[0]) for before in ("echo ", ", "))
+    assert answer.detected < 0.2
+    assert echo > 13.0 > echo - around
+    assert answer.why.endswith("crop and ground are as strong")
+
+
 @pytest.mark.drawn
 def test_command(tmp_path, capsys, monkeypatch):
     """What it writes: a row per place, scores, a figure per condition, a page."""

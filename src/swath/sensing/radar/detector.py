@@ -143,15 +143,7 @@ def peaks(
     kept = np.all([power > p for p in beside[::2]] + [power >= p for p in beside[1::2]], axis=0)
     a, s, place, power = a[kept], s[kept], place[kept], power[kept]
     beside = [p[kept] for p in beside]
-    reach = GUARD + training // 2
-    steps = np.array([k for k in range(-reach, reach + 1) if abs(k) > GUARD])
-    last = columns.power.shape[1] - 1
-    around = place[:, None] + steps
-    around = np.where(around < 0, place[:, None] + reach - around, around)  # the other side at the ends
-    around = np.where(around > last, place[:, None] - reach - (around - last), around)
-    around = np.clip(around, 0, last)
-    slope = (grid.ranges[around] / grid.ranges[place][:, None]) ** 2  # of clutter over flat ground, R^-4
-    train = columns.at(a[:, None], s[:, None], around) * slope * slope
+    train = surroundings(columns, grid, a, s, place, training)
     above = power > thresholds(train, false_alarm, kind)
     found: list[tuple[float, float, float, float, float]] = []
     order = np.lexsort((place, s, a, -power))
@@ -172,6 +164,19 @@ def peaks(
         if not any(_same(new[2:], known[2:], grid.cell) for known in found):
             found.append(new)
     return found
+
+
+def surroundings(columns: Columns, grid: Grid, a: Ints, s: Ints, place: Ints, training: int) -> F64:
+    """Powers (n, training) beside bins (n,), as clutter over flat ground, R^-4, would have them there."""
+    reach = GUARD + training // 2
+    steps = np.array([k for k in range(-reach, reach + 1) if abs(k) > GUARD])
+    last = columns.power.shape[1] - 1
+    around = place[:, None] + steps
+    around = np.where(around < 0, place[:, None] + reach - around, around)  # the other side at the ends
+    around = np.where(around > last, place[:, None] - reach - (around - last), around)
+    around = np.clip(around, 0, last)
+    slope = (grid.ranges[around] / grid.ranges[place][:, None]) ** 2
+    return np.asarray(columns.at(a[:, None], s[:, None], around) * slope * slope)
 
 
 def _pairs(values: list[F64]) -> list[tuple[F64, F64]]:

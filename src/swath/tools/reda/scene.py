@@ -44,6 +44,7 @@ from swath.sensing.echo import Weather as SensorWeather
 from swath.sensing.lidar import plants
 from swath.sensing.mount import Mount
 from swath.sensing.radar import rays
+from swath.sensing.radar.detector import surroundings
 from swath.sensing.radar.ideal import RadarMount
 from swath.sensing.radar.solid_rays import aimed, distances
 from swath.signals import F64, MachineState
@@ -366,6 +367,7 @@ class RadarSensor:
         )
         self._radar = rays.RaysRadar(params, scene.setup)
         self._bare = rays.RaysRadar(replace(params, stand_loss_percent=0.0), scene.setup)
+        self._quiet = rays.RaysRadar(replace(params, noise="none"), scene.setup)
         self._stream = scene.stream.child(name)
         for radar in (self._radar, self._bare):
             radar.reset(self._stream)
@@ -407,15 +409,18 @@ class RadarSensor:
         return any(abs(r[0] - far) < along and abs(r[1] - azimuth) * far < across for r in rows)
 
     def _levels(self, parts: rays.Parts, x: float, y: float) -> tuple[float, float, float]:
-        """Echo over noise, loss in the crop, clutter of a cell over noise [dB]."""
-        bare = float(self._bare.parts(*self._here).snr.sum())
-        echo = float(parts.snr.sum())
-        s, mean = self._radar.sheet, self._clutter[0]
-        row = round((atan2(y, x) - float(self._radar.grid.azimuths[0])) / s.azimuth_resolution)
-        place = round((hypot(x, y) - s.range_min) / s.range_resolution)
-        inside = 0 <= row < mean.shape[0] and 0 <= place < mean.shape[1]
-        clutter = float(mean[row, place]) if inside else 0.0
-        return _decibel(echo), _decibel(bare) - _decibel(echo), _decibel(clutter)
+        """Echo in its strongest bin, loss in the crop, mean of the bins beside that [dB over noise]."""
+        bare, echo = (float(p.snr.sum()) for p in (self._bare.parts(*self._here), parts))
+        radar, (mean, speed, spread), draw = self._radar, self._clutter, self._stream.at(0)
+        alone, whole = (self._quiet.columns(parts, m, speed, spread, draw) for m in (0.0 * mean, mean))
+        strongest = around = 0.0
+        if len(parts.snr):
+            column, place = np.unravel_index(alone.power.argmax(), alone.power.shape)
+            a, s, p = (np.array([v]) for v in (alone.azimuth[column], alone.speed[column], place))
+            strongest = float(alone.power[column, place] - 1.0)
+            around = float(surroundings(whole, radar.grid, a, s, p, rays.Params().training).mean())
+        loss = _decibel(bare) - _decibel(echo)
+        return _decibel(strongest / radar.gain), loss, _decibel(around / radar.gain)
 
 
 class CameraSensor:
@@ -518,7 +523,7 @@ class ThermalSensor:
 
 
 def _why(echo: float, loss: float, clutter: float) -> str:
-    text = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, clutter {clutter:.0f} dB"
+    text = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, {clutter:.0f} dB around it"
     if echo < SEEN_FROM:
         return text + (": lost in the crop" if echo + loss > SEEN_FROM else ": too weak")
     return text + (": crop and ground are as strong" if echo - max(clutter, 0.0) < SEEN_FROM else "")
