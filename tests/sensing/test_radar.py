@@ -1,5 +1,6 @@
 """Radar against closed forms: cross sections, radar equation, Swerling 1, Doppler, crop, cells."""
 
+from copy import copy
 from dataclasses import replace
 from functools import cache
 from math import cos, log, pi, sin, sqrt
@@ -9,9 +10,11 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.random import Stream
+from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
 from swath.field.solid.obstacles import BoxObstacle, Path, PostObstacle, SheetObstacle, things_of
 from swath.field.stand import maps, uniform
+from swath.field.weather import SiteWeather, Weather
 from swath.rays.engine import RayCaster
 from swath.sensing.mount import Mount
 from swath.sensing.radar import error, ideal
@@ -21,7 +24,7 @@ from swath.sensing.radar.radar_sheet import LIGHT, load_radar
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE
-from tests.sensing.driven_states import circle, feed, rolling, straight
+from tests.sensing.driven_states import circle, feed, rolling, state, straight
 from tests.sensing.swerling import detection_probability
 
 CORNER, FRONT, LOW = (load_radar(f"radar-{n}") for n in ("77ghz-corner", "77ghz-front", "24ghz"))
@@ -64,8 +67,6 @@ def test_twelve_db_per_doubling_of_the_distance():
 
 
 def seen(sensor):
-    from tests.sensing.driven_states import state
-
     return sensor.look(0, {"state": (state(straight(0.0), 0),)})
 
 
@@ -287,6 +288,24 @@ def test_rain_and_a_wall_take_from_an_echo():
     found = looks(made(error, [person, wall], noise="none"))[-1]
     assert found.range.tolist() == pytest.approx([14.9], abs=0.02)
     assert len(looks(made(ideal, [person, wall]))[-1].range) == 2
+
+
+def test_rain_that_begins_takes_from_an_echo_by_the_hour(tmp_path):
+    file = tmp_path / "day.csv"
+    file.write_text("hour,rain_mm_h\n12,0\n13,25\n")
+    setup = setup_of([SheetObstacle(kind="person", x_m=30.0, y_m=0.0)])
+    weather = SiteWeather(Weather(time="2026-07-25T12:00:00+02:00", file=str(file)))
+    field = copy(setup.field)
+    field.weather = weather
+    sensor = error.ErrorRadar(error.Params(mount=AT), replace(setup, field=field))
+    sensor.reset(Stream(1, "combine.radar"))
+    snr = [
+        10.0 * np.log10(sensor.echo(sensor.look(t, {"state": (state(straight(0.0), t),)})[0], []).snr)
+        for t in (0, 1800 * NS, 3600 * NS)
+    ]
+    sheet = np.array([0.0, 12.5, 25.0])
+    k, a = error.RAIN["high"]
+    assert snr[0] - np.array(snr) == pytest.approx(2.0 * 29.85 * k * sheet**a / 1000.0, rel=0.02, abs=1e-9)
 
 
 def test_field_of_view_and_latency():

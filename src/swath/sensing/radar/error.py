@@ -111,7 +111,7 @@ class Params(IdealParams):
     straw_moisture_percent: water of the straw, of its wet mass; none = the stand's at the start
     straw_wall: thickness of the stems' walls, 0 thin to 1 thick [1]
     stand_loss_percent: share of the derived loss in the crop that counts; 0 = the radar sees through the crop
-    rain_mm_h: rain, which weakens echoes over the distance; none = that of field.weather at the start
+    rain_mm_h: rain, which weakens echoes over the distance; none = that of field.weather
     loss_db: loss of all echoes, such as by a dirty cover
     noise: `data_sheet` = as in the data sheet; `none` = what is above the threshold by its mean is given
         exactly, without false alarms
@@ -154,11 +154,8 @@ class ErrorRadar(IdealRadar):
         moisture = setup.field.moisture.at(0)["straw_moisture"] if own is None else own * PERCENT
         factor = wave_factor(self.sheet.frequency, self.sheet.polarisation, moisture, params.straw_wall)
         self.wave = factor * params.stand_loss_percent * PERCENT
-        k, a = RAIN["high" if high else "low"]
-        weather, rain = setup.field.weather, params.rain_mm_h
-        if rain is None:
-            rain = 0.0 if weather is None else weather.at(0).rain
-        self._rain = k * float(rain) ** a / 1000.0  # dB/m
+        self._loss_of_rain = RAIN["high" if high else "low"]
+        self._rain = self._rain_at(0)
         self.threshold = -self.sheet.false_alarm_lg * log(10.0)
         self.stand = StandLoss(setup.field) if self.wave > 0.0 else None
         self._scatterers = Scatterers()
@@ -183,6 +180,18 @@ class ErrorRadar(IdealRadar):
         strongest = sorted(rows, key=lambda row: -row[5])[: self.sheet.target_max]
         self._waiting.append(radar_targets_of(t + dt, strongest))
         return {"targets": self._waiting.popleft()}
+
+    def _rain_at(self, t: int) -> float:
+        """Loss in the rain at a time of the run [ns], one way [dB/m]."""
+        (k, a), weather, rain = self._loss_of_rain, self.setup.field.weather, self._e.rain_mm_h
+        if rain is None:
+            rain = 0.0 if weather is None else weather.at(t).rain
+        return float(k * rain**a / 1000.0)
+
+    def locate(self, now: int, inputs: Inputs) -> tuple[F64, F64, F64]:
+        """As the ideal one, and in the rain of that time."""
+        self._rain = self._rain_at(now)
+        return super().locate(now, inputs)
 
     @property
     def cell(self) -> tuple[float, float, float]:
