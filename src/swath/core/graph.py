@@ -295,7 +295,7 @@ class _Rank:
             sent = latest.get(wire) if wire is not None else None
             found[name] = None if sent is None else sent.each[world]
         for name, queue in self.queues.items():
-            found[name] = tuple(sent.each[world] for sent in queue.waiting())
+            found[name] = tuple([sent.each[world] for sent in queue.waiting()])
         return found
 
     def newest_of_all(self, latest: Mapping[Wire, Sent]) -> dict[str, Any]:
@@ -855,7 +855,8 @@ class Lockstep:
         return dict(reversed(found))
 
     def _step(self, rank: _Rank, t: int) -> None:
-        period, batch, outputs = rank.slot.period, rank.batch, dict[str, Sent]()
+        period, batch = rank.slot.period, rank.batch
+        outputs: dict[str, Sent]
         started = time.perf_counter()
         if batch is None:
             outputs = self._step_each(rank, t, period)
@@ -938,10 +939,11 @@ class Lockstep:
         row = self._rows.get(wire)
         if row is not None and not (sent.is_of_all and sent.all is row):
             row.take(sent.all)
-        if any(source.is_full for source in self._sources.get(wire, ())):
-            self._dismiss()
-        for source in self._sources.get(wire, ()):
-            source.take(sent)
+        if sources := self._sources.get(wire):
+            if any(source.is_full for source in sources):
+                self._dismiss()
+            for source in self._sources.get(wire, ()):
+                source.take(sent)
         if queues := [queue for queue in self._readers.get(wire, ()) if queue.source is None]:
             kept = sent.kept()
             for queue in queues:
