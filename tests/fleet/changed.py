@@ -13,8 +13,10 @@ def placed(job, change):
     field = replace(
         field, boundary_m=change(field.boundary_m),
         parts_m=[change(r) for r in field.parts_m], holes_m=[change(r) for r in field.holes_m],
+        ways_m=[change(w) for w in field.ways_m],
     )  # fmt: skip
-    return replace(job, field=field, truck=replace(job.truck, x_m=x, y_m=y))
+    gate = job.truck.gate_m and change([job.truck.gate_m])[0]
+    return replace(job, field=field, truck=replace(job.truck, x_m=x, y_m=y, gate_m=gate))
 
 
 def rings(job, change):

@@ -53,6 +53,7 @@ class FieldSettings:
     file: task data of ISO 11783-10, GeoJSON, KML or a shapefile, with all outlines. Lines in it are the
         passes where they cover at least half of the field, else they give the direction of the passes
     log: a yield log, with its ground, direction and yields
+    ways_m: middles of ways outside of the field, 20 m wide, as between parts that lie apart, or to the truck
     """
 
     boundary_m: Ring = made(default_factory=list)
@@ -62,6 +63,7 @@ class FieldSettings:
     yield_t_ha: Annotated[float, Gt(0), Le(30)] = 8.0
     file: str | None = None
     log: str | None = None
+    ways_m: list[Line] = made(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ class PlanSettings:
     overlap_m: overlap of the header over what is cut, in each pass
     passes_m: your own passes, each two points [x, y] of the header's middle or more on a straight line,
         driven in this order; nothing else is cut
+    unload: where tanks are emptied: `anywhere`, or on `headland` passes and outside of the field alone
     """
 
     direction_deg: Annotated[float, Ge(-360), Le(360)] | None = None
@@ -87,6 +90,7 @@ class PlanSettings:
     land_passes: Annotated[int, Ge(1), Le(200)] = 12
     overlap_m: Annotated[float, Ge(0.05), Le(3)] = 0.2
     passes_m: list[Line] = made(default_factory=list)
+    unload: Literal["anywhere", "headland"] = "anywhere"
 
 
 @dataclass(frozen=True)
@@ -144,9 +148,12 @@ class TruckSettings:
     x_m: east coordinate of the place where carts unload
     y_m: north coordinate of that place, beside the truck
     machine: name of the truck's data sheet
-    volume_m3: volume of all trucks that wait, none = it never ends
-    away_min: time until the next truck has come
+    volume_m3: volume of a truck, none = it never ends
+    away_min: time until a truck that is full is back
     dock_s: time that a cart needs to drive up and to leave again
+    trucks: number of trucks, which come there in turn
+    gate_m: place [x, y] outside of the field at its gate (default: the point of the field nearest to the
+        truck is the gate)
     """
 
     x_m: Metre
@@ -155,6 +162,8 @@ class TruckSettings:
     volume_m3: Annotated[float, Gt(1), Le(10_000)] | None = None
     away_min: Annotated[float, Ge(0), Le(600)] = 40.0
     dock_s: Annotated[float, Ge(0), Le(600)] = 45.0
+    trucks: Annotated[int, Ge(1), Le(100)] = 1
+    gate_m: tuple[Metre, Metre] | None = None
 
 
 @dataclass(frozen=True)
@@ -240,7 +249,7 @@ GONE: dict[tuple[str, ...], str] = {  # keys of 0.2, and what is done now
 REFUSED = {  # values of them that ask for something else
     "echelon": "expected no such key: nothing drives in echelon now, combines share the field out in bands",
     "standing": "expected no such key: a dispatcher of your own that takes no `beside` does it",
-    "at_headland": "expected no such key: a dispatcher of your own that takes no `beside` does it",
+    "at_headland": "expected no such key: `plan: {unload: headland}` does it",
 }
 
 

@@ -24,14 +24,15 @@ ROWS = 128  # of cells that are looked at together
 EDGE = 2.0  # m, up to which the distance to closed ground is kept
 AT_ONCE = 8  # strips that are cut, whose cells are looked at anew together
 SQUARE_M_PER_HA_T = 0.1  # t/ha in kg/m2
+LEAST_M = 4.0  # between truck and field
 LONGEST_M, MOST_M2 = 10_000.0, 1e7  # of all ground in its frame: its cells take less than half a gigabyte
 
 
 @dataclass(frozen=True)
 class Params:
     """yard_m: radius of open ground at the truck and where the way to it leaves the field; road_m: half
-    width of that way; truck_m: from the middle of a cart to that of the truck beside it. Estimates from
-    yards seen.
+    width of that way and of others; truck_m: from the middle of a cart to that of the truck beside it.
+    Estimates from yards seen.
     """
 
     yard_m: float = 45.0
@@ -77,7 +78,7 @@ class Ground:
     rough: `open` and a little over its edge
     remaining: crop that no pass has been given
     dock: where a cart's box stands to empty, the truck to its left
-    gate: where the path to the truck leaves the field [m]
+    gate: where the path to the truck leaves the field [m]; out: direction of that path there [rad]
     truck: the truck's outline
     grid: which ground is free when
     notes: on the outlines
@@ -94,13 +95,15 @@ class Ground:
             raise InputError("field.holes_m", None, "expected holes that leave some of the field")
         self.remaining = self.field
         place = self.frame.to_field([(job.truck.x_m, job.truck.y_m)])[0]
-        self.gate, self.dock = _at_truck(shapely, self.field, holes, place, job)
+        at_gate = job.truck.gate_m and self.frame.to_field([job.truck.gate_m])[0]
+        self.gate, self.out, self.dock = _at_truck(shapely, self.field, place, at_gate, job)
         self.truck_place = self.dock.ahead(0.0, PARAMS.truck_m)
         self.truck = shapely.polygons(truck.outlines(np.array([self.truck_place]))[0, 0])
         around = shapely.union_all(parts).buffer(job.field.around_m, join_style="mitre", mitre_limit=2.0)
         self.around = around
         self.open = shapely.difference(
-            shapely.union_all([around, *self._yards(shapely, place)]), shapely.union_all([holes, self.truck])
+            shapely.union_all([around, *self._yards(shapely, place, job)]),
+            shapely.union_all([holes, self.truck]),
         )
         self._check_ways(shapely, parts, job)
         west, south, east, north = self.open.bounds
@@ -129,10 +132,16 @@ class Ground:
             expected = f"expected ground that joins all parts of the field, one is {gap:.0f} m off"
             raise InputError("field.around_m", job.field.around_m, expected)
 
-    def _yards(self, shapely: Any, place: Array) -> list[Any]:
+    def _yards(self, shapely: Any, place: Array, job: JobFile) -> list[Any]:
+        """Ground at truck and gate, ways, and one straight between both where these do not join them."""
         yards = [shapely.Point(p).buffer(PARAMS.yard_m) for p in (place, self.gate)]
+        lines = [shapely.LineString(self.frame.to_field(way)) for way in job.field.ways_m]
+        ways = [line.buffer(PARAMS.road_m) for line in lines]
+        together = shapely.get_parts(shapely.union_all([*yards, *ways]))
+        if ways and any(shapely.intersects(part, yards).all() for part in together):
+            return [*yards, *ways]
         road = shapely.LineString([self.gate, place]) if math.dist(self.gate, place) > 1.0 else None
-        return yards if road is None else [*yards, road.buffer(PARAMS.road_m)]
+        return [*yards, *ways] if road is None else [*yards, *ways, road.buffer(PARAMS.road_m)]
 
     def _raster(self, shapely: Any) -> Grid:
         at_x, at_y = (
@@ -281,17 +290,24 @@ def _check_size(length: float, width: float) -> None:
 
 
 def _at_truck(
-    shapely: Any, field: Any, holes: Any, place: Array, job: JobFile
-) -> tuple[tuple[float, float], Place]:
-    """Where the way to the truck leaves the field, and the place of a cart's box beside the truck."""
-    point = shapely.Point(place)
-    nearest, _ = shapely.get_coordinates(
-        shapely.shortest_line(shapely.difference(field, holes), point)
-    ).tolist()
-    away = place - nearest
-    far = float(np.hypot(*away))
-    if far < 4.0:
+    shapely: Any, field: Any, place: Array, outside: Array | None, job: JobFile
+) -> tuple[tuple[float, float], float, Place]:
+    """Gate and direction of the way to the truck there, and the place of a cart's box beside the truck.
+
+    place: of the truck; outside: a place at the gate, None for the gate nearest to the truck
+    """
+    if field.distance(shapely.Point(place)) < LEAST_M:
         value = f"{job.truck.x_m:g}, {job.truck.y_m:g}"
-        raise InputError("truck", value, "expected a place at least 4 m outside of the field")
-    heading = math.atan2(away[1], away[0]) - 0.5 * math.pi  # the truck on the far side, to the left
-    return (float(nearest[0]), float(nearest[1])), Place(float(place[0]), float(place[1]), heading, heading)
+        expected = f"expected a place at least {LEAST_M:g} m outside of the field"
+        raise InputError("truck", value, expected)
+    at = place if outside is None else outside
+    nearest, _ = shapely.get_coordinates(shapely.shortest_line(field, shapely.Point(at))).tolist()
+    if outside is not None and math.dist(nearest, outside) < 1.0:
+        assert job.truck.gate_m is not None
+        value = "{:g}, {:g}".format(*job.truck.gate_m)
+        raise InputError("truck.gate_m", value, "expected a place at least 1 m outside of the field")
+    (u, v), (x, y) = (place - nearest).tolist(), (at - nearest).tolist()
+    heading = math.atan2(v, u) - 0.5 * math.pi  # the truck on the far side, to the left
+    out = heading + 0.5 * math.pi if outside is None else math.atan2(y, x)
+    dock = Place(float(place[0]), float(place[1]), heading, heading)
+    return (float(nearest[0]), float(nearest[1])), out, dock

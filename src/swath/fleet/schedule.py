@@ -297,9 +297,11 @@ class Scheduler:
         self.patience, self.poses = 1, WAYS.poses
         self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.dropped = -1  # windows of crop that were cut when passes were last looked through
-        self.truck_free, self.truck_room = 0.0, math.inf
-        if job.truck.volume_m3 is not None:
-            self.truck_room = job.truck.volume_m3 * machines.density
+        volume = job.truck.volume_m3
+        self.truck_free, self.truck_kg = 0.0, math.inf if volume is None else volume * machines.density
+        self.truck_room = self.truck_kg
+        self.trucks = [0.0] * (job.truck.trucks - 1)  # when those that do not stand there are back [s]
+        self.filled = 0.0  # when the last grain came into the one that does [s]
         homes = {name: home.place for name, home in self.kept.items()}
         own = {i: [p for p in plan.passes if p.combine == i] for i in range(len(machines.combines))}
         self.combines = [
@@ -319,6 +321,10 @@ class Scheduler:
         self.runs: dict[str, dict[Pass, _Run]] = {}
         self.vain: dict[Place, int] = {}  # how often in a row nobody could be emptied there
         self.inner = list(along_passes(plan)) if self.carts else []
+        self.lands: Any = None  # where no tank is emptied
+        if job.plan.unload == "headland":
+            rounds = [strip_of(p) for p in plan.passes if p.kind == HEADLAND]
+            self.lands = shapely_here().difference(ground.field, shapely_here().union_all(rounds))
 
     def service_places(self) -> Iterator[Place]:
         """Where a combine can stand, with a cart beside it if there are any, outside of the crop and off all
@@ -665,11 +671,15 @@ class Scheduler:
         if grain < c.spec.call:
             return 0.0
         lanes = (self.free_lane(c, k, cut) for k in self.likely(c))
-        if any(lane is not None for lane in lanes):
+        if self.may_pour(cut.task) and any(lane is not None for lane in lanes):
             return 0.0
         if grain <= c.spec.tank + LEFT_KG or self.is_for_part(c):
             return min(grain, c.spec.tank) / c.spec.auger
         return math.inf
+
+    def may_pour(self, task: Pass) -> bool:
+        """Whether a tank may be emptied on a pass."""
+        return self.lands is None or task.kind == HEADLAND
 
     @staticmethod
     def is_for_part(c: CombineState) -> bool:
@@ -710,18 +720,18 @@ class Scheduler:
         find = partial(
             self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=self.poses
         )
-        kept = self.kept[name]
+        kept, looked = self.kept[name], False
         for way, area in zip(kept.ways, kept.areas, strict=True):
             begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))
             if not ends or shapely_here().intersects(area, [*shapes, *near]).any():
                 continue
             if begins:
                 return behind(none, way, body)
-            if math.dist(start[:2], way.places[0, :2]) > GROUND.yard_m:  # up to the gate, then as kept
-                first = find(way.start, in_line=WAYS.line_deg)
+            is_far = math.dist(start[:2], way.places[0, :2]) > GROUND.yard_m
+            if is_far and not looked:  # up to the gate, then as kept
+                first, looked = find(way.start, in_line=WAYS.line_deg), True
                 if first is not None:
                     return behind(first, way, body)
-                break
         return find(goal, in_line=line)
 
     def names(self) -> list[str]:
@@ -743,7 +753,7 @@ class Scheduler:
                 ends = times[-1] + float(leg.path.spent[-1])
                 option = Option("cut", "", ends, ends, 0.0, float(levels[-1]), 0.0, 0.0, leg.cuts)
                 yield option, lambda: self.grant_cut(c, leg, times, meets)
-            if levels[-1] >= c.spec.call:
+            if levels[-1] >= c.spec.call and self.may_pour(leg.task):
                 for k in self.likely(c):
                     found = self.served(k, partial(self.comes_beside, c, k, leg, levels, meets, times))
                     if found is not None:
@@ -773,7 +783,9 @@ class Scheduler:
             return
         if not anywhere and self.carts:
             lanes = [self.free_lane(c, k, leg) for k in self.likely(c)]
-            if not any(lane is not None and lane[0] < count <= lane[1] for lane in lanes):
+            if self.may_pour(leg.task) and not any(
+                lane is not None and lane[0] < count <= lane[1] for lane in lanes
+            ):
                 return
         path = leg.path.until(leg.first + count)
         rest = leg.task.behind(*Place(*path.track.places[-1].tolist()).ahead(c.spec.knife)[:2])
@@ -954,7 +966,7 @@ class Scheduler:
             self.schedule.poured.append(self._during(p, numbers))
             k.load -= p.amount
             self.truck_free = max(self.truck_free, p.ends)
-            self.take_truck(p.amount)
+            self.take_truck(p)
 
     def _during(self, poured: Poured, numbers: Sequence[int]) -> Poured:
         """Grain poured at the truck in one of some segments."""
@@ -1117,22 +1129,29 @@ class Scheduler:
         """What is poured into trucks by who has come beside at a time [s]; a full one is waited for."""
         after = self.truck_free if math.isfinite(self.truck_room) else 0.0  # beside it is one at a time
         t = max(time, after) + 0.5 * self.job.truck.dock_s
-        room, poured = self.truck_room, []
+        room, poured, trucks, filled = self.truck_room, [], self.trucks, self.filled
         while load > LEFT_KG:
             if room <= LEFT_KG:
-                assert self.job.truck.volume_m3 is not None
-                t += 60.0 * self.job.truck.away_min
-                room = self.job.truck.volume_m3 * self.machines.density
+                comes, trucks = self.next_truck(trucks, filled)
+                t, room = max(t, comes), self.truck_kg
             amount = min(load, room)
             poured.append(Poured(name, "truck", amount, t, t + amount / rate))
             t, load, room = t + amount / rate, load - amount, room - amount
+            filled = t
         return poured
 
-    def take_truck(self, amount: float) -> None:
-        """Room in the truck that stands there; the next one is there when it is needed."""
-        if self.truck_room <= LEFT_KG and self.job.truck.volume_m3 is not None:
-            self.truck_room = self.job.truck.volume_m3 * self.machines.density
-        self.truck_room -= amount
+    def next_truck(self, trucks: list[float], time: float) -> tuple[float, list[float]]:
+        """When the next one is there, if one leaves at a time, and when those behind it are [s]."""
+        first, *others = sorted([*trucks, time + 60.0 * self.job.truck.away_min])
+        return first, others
+
+    def take_truck(self, poured: Poured) -> None:
+        """Grain goes into the truck that stands there, behind a full one into the next."""
+        if self.truck_room <= LEFT_KG:
+            _, self.trucks = self.next_truck(self.trucks, self.filled)
+            self.truck_room = self.truck_kg
+        self.truck_room -= poured.amount
+        self.filled = poured.ends
 
     def emptied(self, c: CombineState) -> Iterator[tuple[Option, Any]]:
         """A combine has its tank emptied where it stands, at a place where a cart can stand beside, or at the
@@ -1171,7 +1190,12 @@ class Scheduler:
             rest = PARAMS.behind * go(at) / k.spec.drive.straight
             return round(max(own, cart) + own + rest + PARAMS.long_s * self.vain.get(place, 0), 1), place
 
-        return sorted((c.place, *self.places, *self.inner), key=cost)
+        places = (c.place, *self.places, *self.inner)
+        if self.lands is not None:
+            at = np.array([[p[:2], p.ahead(ahead, left)[:2]] for p in places])
+            inside = shapely_here().contains_xy(self.lands, at[..., 0], at[..., 1]).any(axis=1)
+            places = tuple(p for p, is_off in zip(places, ~inside, strict=True) if is_off)
+        return sorted(places, key=cost)
 
     def far(self, k: CartState, place: Place, time: float) -> tuple[Far, Far]:
         """How far it is about for a cart from a place and to the truck."""
@@ -1218,7 +1242,7 @@ class Scheduler:
             numbers = self.table.commit(c.spec.name, path, times)
             for p in poured:
                 self.schedule.poured.append(self._during(p, numbers))
-                self.take_truck(p.amount)
+                self.take_truck(p)
             c.tank, c.place, c.time, self.truck_free = 0.0, path.track.end, ends, ends
 
         return option, grant

@@ -132,7 +132,7 @@ def directions(made: Scheduler) -> list[float]:
 
 def least_time(job: JobFile, machines: Machines, ground: Ground) -> float:
     """Before which no plan ends [s]: all combines cut all the time, and pour at the truck where there are no
-    carts; or the truck takes grain all the time, but for who comes and goes, and while trucks are away.
+    carts; or the truck takes grain all the time, but for who comes and goes, and while all trucks are away.
     """
     area, grain = ground.field.area, SQUARE_M_PER_HA_T * job.field.yield_t_ha
     mass = grain * area + math.fsum(c.start for c in machines.combines)
@@ -142,9 +142,12 @@ def least_time(job: JobFile, machines: Machines, ground: Ground) -> float:
         rates.append(1.0 / (cut if machines.carts else cut + grain / c.auger))
     loads = [(k.load, k.out) for k in machines.carts] or [(c.tank, c.auger) for c in machines.combines]
     most, out = (max(each) for each in zip(*loads, strict=True))
-    at_truck = mass / out + (math.ceil(mass / most - 1e-9) - 0.5) * job.truck.dock_s
+    pours, docks = mass / out, (math.ceil(mass / most - 1e-9) - 0.5) * job.truck.dock_s
+    at_truck = pours + docks
     if job.truck.volume_m3 is not None:
-        trucks = math.ceil(mass / (job.truck.volume_m3 * machines.density) - 1e-9)
-        at_truck += 60.0 * job.truck.away_min * max(trucks - 1, 0)
+        kg, count = job.truck.volume_m3 * machines.density, job.truck.trucks
+        turns, in_turn = divmod(max(math.ceil(mass / kg - 1e-9) - 1, 0), count)  # of the truck that is last
+        own = pours - (turns * (count - 1) + in_turn) * kg / out + docks * (count == 1)
+        at_truck = max(at_truck, own + 60.0 * job.truck.away_min * turns)
     way = ground.truck_m / max(m.drive.straight for m in machines.carts or machines.combines)
     return float(way + max(area / math.fsum(rates), at_truck))

@@ -35,7 +35,8 @@ class Params:
     looked at, twice as much about the gate; tries: of the nearest that ways are searched to, and then of
     each `apart`th farther off; outer_m: between places to be emptied at around the field, twice as much on
     headland passes; off_m: of them from the field, the first of who passes the gate, too; clear_m: between
-    who waits or is emptied. Estimates: so many that one is near, so few that they are looked through at
+    who waits or is emptied; poses: of a search, times those of others, the second where a place is missing.
+    Estimates: so many that one is near, so few that they are looked through at
     once.
     """
 
@@ -47,6 +48,7 @@ class Params:
     outer_m: float = 30.0
     off_m: tuple[float, ...] = (7.0, 9.0, 12.0, 14.0)
     clear_m: float = 2.0
+    poses: tuple[float, ...] = (0.5, 4.0)
 
 
 PARAMS = Params()
@@ -84,20 +86,25 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
     InputError where there is none for a combine, or for no cart.
     """
     carts = [m for m in machines if m.body.has_trailer]
-    left = list(machines)
-    while True:
-        places = _filled(ground, finder, left)
-        placed = [m for m in carts if m.name in places]
-        if bool(placed) == bool(carts) and all(m.name in places or m in carts for m in machines):
-            return places
-        if len(placed) < 2:
-            expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
-            raise InputError("field.around_m", None, expected)
-        left = [m for m in machines if m not in carts or m in placed[:-1]]
+    for more in PARAMS.poses:
+        left = list(machines)
+        while True:
+            places = _filled(ground, finder, left, int(more * WAYS.poses))
+            placed = [m for m in carts if m.name in places]
+            if bool(placed) == bool(carts) and all(m.name in places or m in carts for m in machines):
+                return places
+            if len(placed) < 2:
+                break
+            left = [m for m in machines if m not in carts or m in placed[:-1]]
+    expected = f"expected room for {len(machines)} machines to wait, each with a way in and out"
+    raise InputError("field.around_m", None, expected)
 
 
-def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[str, Home]:
-    """Places of machines, one after the other, without those for which there is no room."""
+def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits], most: int) -> dict[str, Home]:
+    """Places of machines, one after the other, without those for which there is no room.
+
+    most: poses of a search
+    """
     shapely = shapely_here()
     used = [
         run_of(m.body, m.dock, ahead, 3.0)
@@ -114,7 +121,7 @@ def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits]) -> dict[s
             bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
             shapely.prepare(bare)
             for place in _places(ground, bare, m.body):
-                found = _ways(ground, finder, m, place, taken)
+                found = _ways(ground, finder, m, place, taken, most)
                 if found is not None:
                     break
             if found is not None:
@@ -157,7 +164,9 @@ def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
     yield from islice(near, 0, PARAMS.tries * PARAMS.apart, PARAMS.apart)
 
 
-def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequence[Any]) -> list[Track] | None:
+def _ways(
+    ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequence[Any], most: int
+) -> list[Track] | None:
     """Ways of a machine from a place and to it, None where one is missing."""
     out: list[Track] = []
     groups = [at_gate(ground)] + ([[m.dock]] if m.dock is not None else [])
@@ -165,7 +174,7 @@ def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequenc
         for ends in ([(place, g) for g in goals], [(g, place) for g in goals]):
             ways = (
                 finder.find(
-                    m.body, m.drive, start, goal, stand=taken, in_line=WAYS.line_deg, most=WAYS.poses // 2,
+                    m.body, m.drive, start, goal, stand=taken, in_line=WAYS.line_deg, most=most,
                 )
                 for start, goal in ends
             )  # fmt: skip
@@ -178,8 +187,7 @@ def _ways(ground: Ground, finder: Finder, m: Waits, place: Place, taken: Sequenc
 
 def at_gate(ground: Ground) -> list[Place]:
     """Places at the gate, in each direction: a machine passes in one of them at least."""
-    along = ground.dock.heading + 0.5 * math.pi  # from the gate to the truck
-    (x, y), off = ground.gate, PARAMS.off_m[0]
+    (x, y), along, off = ground.gate, ground.out, PARAMS.off_m[0]
     x, y = x + off * math.cos(along), y + off * math.sin(along)
     return [Place(x, y, along + turn, along + turn) for turn in (0.5 * math.pi, -0.5 * math.pi, 0.0, math.pi)]
 
