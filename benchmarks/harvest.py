@@ -3,10 +3,9 @@
 SWATH_DATA=... python -m benchmarks.harvest
 """
 
+from benchmarks.recorded_day import predict, read_day
 from tests.fleet import measured_turns as turns
 from tests.fleet.test_recorded import LIMITS, LOG
-
-from swath.fleet.recorded import predict, read_day
 
 
 def say(case: str, found: str, expected: str) -> None:

@@ -1,9 +1,8 @@
-"""The command: which levels there are, where those of 0.2 went, and what a recorded day prints."""
+"""The command: which levels there are, and where those of 0.2 went."""
 
 import pytest
 
 from swath.commands.main import main
-from tests.fleet.test_recorded import log_of
 
 
 @pytest.mark.parametrize(
@@ -37,12 +36,3 @@ def test_results_of_another_job_are_not_replaced(capsys, tmp_path):
     assert main(["fleet", "run", str(tmp_path / "south.yaml"), *out]) == 2
     assert "an earlier south, not of north" in " ".join(capsys.readouterr().err.split())
     assert (tmp_path / "out of both" / "results.json").read_bytes() == before
-
-
-@pytest.mark.parametrize(("gap", "told"), [(0.0, False), (1.0, True)])
-def test_a_recorded_day_prints_what_is_predicted_and_why_what_is_not(capsys, tmp_path, gap, told):
-    log = log_of(tmp_path, gap_in_turns=gap)
-    assert main(["fleet", "day", str(log), "--known-h", "0.17"]) == 0
-    said = capsys.readouterr().out
-    assert "12 passes" in said
-    assert ("time between passes is not predicted" in " ".join(said.split())) == told

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from benchmarks.recorded_day import TURN_SPEED, check_one_machine, main, predict, read_day
 
 from swath.control.turns import limits_of
 from swath.core.errors import InputError
-from swath.fleet.recorded import TURN_SPEED, check_one_machine, predict, read_day
 from tests.shared_data import DATA
 
 LOG = DATA / "wheat_combine_logs_msu" / "si" / "farmerB_sec1west_2014_winterwheat.csv.gz"
@@ -64,6 +64,14 @@ def test_a_log_that_stops_in_turns_says_so_and_predicts_the_passes_alone(tmp_pat
     assert "does not go on in turns" in day.unseen
     assert math.isnan(made.turning)
     assert made.cutting == pytest.approx(made.cutting_recorded, rel=0.02)
+
+
+@pytest.mark.parametrize(("gap", "told"), [(0.0, False), (1.0, True)])
+def test_what_is_predicted_is_printed_and_why_what_is_not(capsys, tmp_path, gap, told):
+    main([str(log_of(tmp_path, gap_in_turns=gap)), "--known-h", "0.17"])
+    said = capsys.readouterr().out
+    assert "12 passes" in said
+    assert ("time between passes is not predicted" in " ".join(said.split())) == told
 
 
 def test_records_of_two_machines_as_one_are_refused():

@@ -81,7 +81,7 @@ OTHERS = {
     "tune",
 }
 NOTHING = {
-    "scenarios", "docs", "levels", "metrics", "sheets", "field show", "fleet list", "fleet day", "test list",
+    "scenarios", "docs", "levels", "metrics", "sheets", "field show", "fleet list", "test list",
     "test compare", "test levels", "odd check", "fmu show", "fmu check", "ros2 play", "can box", "can listen",
     "can dbc", "completion",
 }  # fmt: skip

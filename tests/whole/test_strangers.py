@@ -184,7 +184,6 @@ class Folder:
                 [f"{p}/dispatched.yaml"],
             ],
             "fleet list": [[]],
-            "fleet day": [[f"{p}/run"]],
             "lab stand": [[*crop, next(new)]],
             "reda": [[*crop, next(new)]],
             "test run": [[*case, "--plan-only", "--out", next(new)], [*case, *others]],

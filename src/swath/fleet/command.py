@@ -1,9 +1,7 @@
-"""`swath fleet`: a whole field worked off by combines, carts and a truck; a recorded day predicted."""
+"""`swath fleet`: a whole field worked off by combines, carts and a truck."""
 
 import argparse
-import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
@@ -41,13 +39,6 @@ def add(parsers: Any) -> None:
     jobs = verbs.add_parser("list", help="list the bundled jobs; print one")
     jobs.add_argument("name", nargs="?", metavar="NAME", help="print this job, to make your own of it")
     jobs.set_defaults(run=run_list)
-    day = verbs.add_parser("day", help="a recorded day, predicted from its first hour")
-    day.add_argument("log", type=Path, metavar="LOG", help="yield log (CSV, shapefile, ISOXML)")
-    day.add_argument("--known-h", type=float, default=1.0, metavar="H", help="hours that are known (1)")
-    day.add_argument("--machine", default="lexion-700", metavar="M", help="data sheet: steering, wheelbase")
-    day.add_argument("--radius-m", type=float, default=6.4, metavar="R", help="of its turns [m] (6.4)")
-    day.add_argument("--number", type=int, default=0, metavar="N", help="machine of the log, from 0 (0)")
-    day.set_defaults(run=run_day)
 
 
 def run_job(args: argparse.Namespace) -> int:
@@ -101,43 +92,3 @@ def run_list(args: argparse.Namespace) -> int:
         return 0
     paragraphs([(name, read_job(name)[0].summary) for name in sheet_names("jobs")])
     return 0
-
-
-def run_day(args: argparse.Namespace) -> int:
-    """Predict the rest of a recorded day."""
-    from swath.control.turns import limits_of
-    from swath.fleet.recorded import TURN_SPEED, predict, read_day
-    from swath.machine.machine_sheet import dynamics_of, load_machine
-    from swath.terminal.tables import table, wide_console
-
-    if not 0.05 <= args.known_h <= 24.0:
-        raise InputError("--known-h", args.known_h, "expected 0.05 to 24")
-    if not 3.0 <= args.radius_m <= 50.0:
-        raise InputError("--radius-m", args.radius_m, "expected 3 to 50")
-    sheet = load_machine(args.machine)
-    limits = limits_of(sheet.wheelbase, args.radius_m, dynamics_of(sheet).steer_rate, TURN_SPEED)
-    day = read_day(args.log, limits, args.number)
-    made = predict(day, 3600.0 * args.known_h)
-    rows = [
-        _row("cutting, of the rest", made.cutting, made.cutting_recorded),
-        _row("between passes, of the rest", made.turning, made.turning_recorded),
-        _row("in all, with the recorded stops", made.total, made.total_recorded),
-    ]
-    table(f"{args.log.name}: {len(day.lines)} passes", ("", "predicted h", "recorded h", "off %"), rows)
-    known = [
-        ("speed in the crop", f"{made.speed:.2f} m/s"),
-        ("speed between passes", "-" if day.unseen else f"{made.turn_speed:.2f} m/s"),
-        ("driven over planned way there", "-" if day.unseen else f"{made.longer:.3f}"),
-        ("stops in all", f"{day.stops / 3600.0:.2f} h"),
-    ]
-    table(f"from the first {args.known_h:g} h", ("", ""), known)
-    if day.unseen:
-        wide_console().print(f"note: time between passes is not predicted: {day.unseen}", markup=False)
-    return 0
-
-
-def _row(name: str, found: float, recorded: float) -> tuple[str, str, str, str]:
-    if math.isnan(found):
-        return name, "-", "-", "-"
-    off = 100.0 * (found / recorded - 1.0) if recorded > 0.0 else math.nan
-    return name, f"{found / 3600.0:.2f}", f"{recorded / 3600.0:.2f}", f"{off:+.1f}"

@@ -1,5 +1,7 @@
 """A recorded day of one machine: its passes and stops as given, the rest predicted from its first hour.
 
+    python -m benchmarks.recorded_day LOG
+
 Passes are stretches with the header in the crop (`field_io.clean`). What lies between two is a turn or a way,
 but for stops: records below 0.3 m/s and gaps of more than 10 s. From the hours before the prediction
 come three numbers: speed in the crop, speed between passes, and how much longer than the planned path
@@ -10,7 +12,9 @@ Turns can be predicted from a log whose records go on through them, at least SEE
 the header up, or hold one or two records there: then `unseen` says so, and time between passes is nan.
 """
 
+import argparse
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,13 +22,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.control.turns import clothoid
+from swath.control.turns import clothoid, limits_of
 from swath.control.turns.dubins import Place
 from swath.control.turns.limits import TurnLimits
 from swath.core.errors import InputError
 from swath.field_io.clean import Cleaned, clean
 from swath.field_io.importer import find_log
 from swath.field_io.logs.log import Log, read_log
+from swath.machine.machine_sheet import dynamics_of, load_machine
+from swath.terminal.tables import table, wide_console
 
 Array = NDArray[np.float64]
 STANDING = 0.3  # m/s
@@ -212,3 +218,46 @@ def predict(day: Day, known: float) -> Prediction:
         speed, turn_speed, longer, cutting, recorded[0], turning, recorded[1],
         total=before + cutting + turning + day.stops, total_recorded=day.total,
     )  # fmt: skip
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """See above."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("log", type=Path, help="yield log (CSV, shapefile, ISOXML)")
+    parser.add_argument("--known-h", type=float, default=1.0, help="hours that are known (1)")
+    parser.add_argument("--machine", default="lexion-700", help="data sheet: steering, wheelbase")
+    parser.add_argument("--radius-m", type=float, default=6.4, help="of its turns [m] (6.4)")
+    parser.add_argument("--number", type=int, default=0, help="machine of the log, from 0 (0)")
+    args = parser.parse_args(given)
+    sheet = load_machine(args.machine)
+    limits = limits_of(sheet.wheelbase, args.radius_m, dynamics_of(sheet).steer_rate, TURN_SPEED)
+    day = read_day(args.log, limits, args.number)
+    made = predict(day, 3600.0 * args.known_h)
+    rows = [
+        _row("cutting, of the rest", made.cutting, made.cutting_recorded),
+        _row("between passes, of the rest", made.turning, made.turning_recorded),
+        _row("in all, with the recorded stops", made.total, made.total_recorded),
+    ]
+    table(f"{args.log.name}: {len(day.lines)} passes", ("", "predicted h", "recorded h", "off %"), rows)
+    known = [
+        ("speed in the crop", f"{made.speed:.2f} m/s"),
+        ("speed between passes", "-" if day.unseen else f"{made.turn_speed:.2f} m/s"),
+        ("driven over planned way there", "-" if day.unseen else f"{made.longer:.3f}"),
+        ("stops in all", f"{day.stops / 3600.0:.2f} h"),
+    ]
+    table(f"from the first {args.known_h:g} h", ("", ""), known)
+    if day.unseen:
+        wide_console().print(f"note: time between passes is not predicted: {day.unseen}", markup=False)
+
+
+def _row(name: str, found: float, recorded: float) -> tuple[str, str, str, str]:
+    if math.isnan(found):
+        return name, "-", "-", "-"
+    off = 100.0 * (found / recorded - 1.0) if recorded > 0.0 else math.nan
+    return name, f"{found / 3600.0:.2f}", f"{recorded / 3600.0:.2f}", f"{off:+.1f}"
+
+
+if __name__ == "__main__":
+    main()
