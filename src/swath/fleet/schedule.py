@@ -371,12 +371,13 @@ class Scheduler:
                 if k.load >= k.leaves:
                     self.empties(k)
             busy = sorted((c for c in self.combines if not c.is_done), key=lambda c: c.time)
-            if self.goes_on(busy) or self.goes_on(busy, patience=PARAMS.tries):
+            late = busy[::-1]  # where nobody can go on, who stands longest is in the way of those before
+            if self.goes_on(busy) or self.goes_on(late, patience=PARAMS.tries):
                 room = 0
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
                 room = -1
-                if not self.goes_on(busy, patience=PARAMS.tries, poses=PARAMS.poses):
+                if not self.goes_on(late, patience=PARAMS.tries, poses=PARAMS.poses):
                     self.leave_out(busy)
             room += 1
         for k in sorted(self.carts, key=lambda k: k.starts[0].time):
