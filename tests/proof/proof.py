@@ -273,10 +273,11 @@ def main() -> int:
             print(name, text_of(row))
             continue
         value = value_of(row)
-        differs = value != known.get(name)
+        differs = name in known and value != known[name]
         differ += differs
         spent = time.process_time() - started
-        print(f"{'differs' if differs else 'same   '} {spent:6.1f} s  {name}", flush=True)
+        said = "differs" if differs else "same" if name in known else "no row"
+        print(f"{said:7} {spent:6.1f} s  {name}", flush=True)
         if args.write:
             known = {**stored(), name: value}
             FILE.write_text(json.dumps(dict(sorted(known.items())), indent=0) + "\n")
