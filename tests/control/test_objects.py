@@ -223,3 +223,15 @@ def test_saved_and_loaded_in_the_middle():
     assert all(getattr(a, k).tobytes() == getattr(b, k).tobytes() for k in ("x", "y", "top", "confidence"))
     assert other._map.slope == part._map.slope
     assert other._crop.most == part._crop.most
+
+
+@pytest.mark.parametrize("near", [0.05, 0.4, 0.95, 1.3])
+def test_echoes_close_to_a_scanner_before_the_knife_are_taken_as_any(near):
+    """Dust or drops at its window are no object, and who stands behind is one."""
+    x = MACHINE.knife_x + 1.0
+    part = Cluster(Params(), ControlSetup(MACHINE, {"scan": Pose.from_euler([x, 0.0, HIGH])}, "left", 0.1))
+    part.reset(Stream(1, "combine.objects"))
+    scan = scan_of([(15.0, 0.0, 0.25, 1.75)])
+    scan.ranges[np.random.default_rng(3).random(len(scan.ranges)) < 0.02] = near
+    found = part.step(0, STEP, {"scan": scan, "odometry": Odometry(STEP, SPEED, 0.0, 0.0), "edge": EDGE})
+    assert (found["objects"].x > MACHINE.knife_x + 5.0).all()

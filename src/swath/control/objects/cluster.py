@@ -33,7 +33,7 @@ from swath.signals.setup import ControlSetup
 
 Index = NDArray[np.int64]
 SCALE = 1.5  # ranges up to this ratio are closed over one number of beams
-SCALES = np.array([0.0, *(SCALE**k for k in range(1, 14))])  # from which on each holds [m]
+SCALES = np.array([SCALE**k for k in range(-4, 14)])  # from which on each holds, the first nearer, too [m]
 LEVEL_BEAM = 0.05  # a beam that goes down less counts as going down so much, per metre
 
 
@@ -366,7 +366,7 @@ class Lines:
         drops = ranges * self.down
         before, depth = np.zeros_like(ranges), np.ones_like(ranges)
         scale = np.zeros(ranges.shape, dtype=np.int64)
-        scale[asked] = np.searchsorted(SCALES, ranges[asked], side="right") - 1
+        scale[asked] = np.searchsorted(SCALES[1:], ranges[asked], side="right")
         for k in np.unique(scale[asked]).tolist():
             mine = asked & (scale == k)
             rows = np.flatnonzero(mine.any(axis=1))
