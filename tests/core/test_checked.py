@@ -10,7 +10,7 @@ from swath.commands.main import main
 from swath.core.checked import CheckedOutput
 from swath.core.component import Port
 from swath.core.errors import InputError
-from swath.signals import CropEdge, SpeedCommand
+from swath.signals import CropEdge, OrganSettings, SpeedCommand
 from swath.signals.field_map import FieldMap
 
 NAN = float("nan")
@@ -50,6 +50,14 @@ def test_what_none_can_hold_is_refused_with_file_and_field(field, value, expecte
     assert f"combine.edge.edge.{field} = " in text
     assert expected in text
     assert "/home/me/my.py:Mine" in text
+
+
+@pytest.mark.parametrize("concave", [8.0, -0.005])
+def test_a_clearance_in_millimetres_is_no_clearance(concave):
+    checked = CheckedOutput("combine.settings", "my.py:Mine", (Port("settings", OrganSettings),))
+    checked.pass_on(0, {"settings": OrganSettings(0, concave=0.008)})
+    with pytest.raises(InputError, match=r"settings\.concave = .*from 0 to 0\.1"):
+        checked.pass_on(0, {"settings": OrganSettings(0, concave=concave)})
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from swath.machine.cleaning.model import shoe_loss
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.threshing.model import Drum, coupled, rate_factors
 from swath.machine.threshing.model import Params as DrumParams
-from swath.signals import FeedReading, LossReading, OrganSettings
+from swath.signals import CropStream, FeedReading, LossReading, OrganSettings
 from swath.signals.settings import CROPS, own_settings
 from tests.machine.machine_fakes import STREAM, site
 from tests.machine.organ_trends import FLOW, STEP, judged, steady
@@ -148,6 +148,20 @@ def test_settings_take_their_time():
     at += [drum._set.over_own({"settings": faster}, 0.5)["drum"] for _ in range(8)]
     rpm = (np.array(at) - 1.0) * own / (np.pi / 30.0)
     np.testing.assert_allclose(rpm, [0, 10, 20, 30, 40, 50, 50, 50, 50], atol=1e-9)
+
+
+def test_a_slow_drum_blocks_and_says_that_no_law_holds():
+    own = own_settings(site().machine.works, "wheat")["drum"]
+    fed = CropStream(0, 0.05, 0.0, 0.0, 0.05, 0.0, 0.0)
+    at = {}
+    for share in (1.0, 0.5, 0.1):
+        drum = Drum(DrumParams(), site())
+        drum.start()
+        asked = {"fed": (fed,), "back": (), "settings": OrganSettings(0, drum=share * own)}
+        at[share] = drum.step(0, STEP, asked)["work"].blockage, drum.notes
+    assert at[0.5][0] == pytest.approx(2.0 * at[1.0][0])
+    assert at[0.1][0] == pytest.approx(10.0 * at[1.0][0])
+    assert [len(notes) for _, notes in at.values()] == [0, 0, 1]
 
 
 def climbed(seconds, feed=1.1, **start):

@@ -10,6 +10,7 @@ import pytest
 from swath.core.schedule import NS
 from swath.runtime.assembly import assemble
 from swath.runtime.changes import Interventions, Script
+from swath.runtime.job import unheard
 from swath.runtime.loop import drive
 from swath.runtime.run_control import RunControl
 from swath.scenario.scenario import parse_scenario
@@ -35,6 +36,13 @@ def test_the_drum_turns_slower_from_when_it_is_told():
     assert slower[8.0] == own[8.0] > 0.0
     assert slower[11.0] == pytest.approx(own[11.0] * (708.0 - 20.0 * 2.0) / 708.0, abs=0.03 * own[11.0])
     assert slower[15.0] == pytest.approx(own[15.0] * 608.0 / 708.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("process", "count"), [("organs", 0), ("threshing", 1)])
+def test_settings_that_no_part_takes_are_noted(process, count):
+    world = assemble(parse_scenario(LONG + f"    process: {process}\n    settings: fixed\n"))
+    assert len(unheard(world)) == count
+    world.close()
 
 
 @pytest.mark.parametrize("key", ["concave_mm", "fan_rpm", "drum_rpm"])

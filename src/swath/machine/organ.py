@@ -79,13 +79,17 @@ def added(samples: Sequence[S]) -> S:
     return changed(newest, **sums)
 
 
+FAR = 3.0  # over wheat's, the farthest that the manual of `CROPS` sets a crop (lower sieve in maize)
+
+
 class Setting(KeepsState):
     """What an organ's actuators have come to, and what the manual has for the crop in the field.
 
     names: of `OrganSettings`; rates: how fast each moves, in SI per second; own: the manual's values
+    beyond: those that came to less or more than `FAR` of the manual's
     """
 
-    kept = ("_now", "_told")
+    kept = ("_now", "_told", "beyond")
 
     def __init__(self, setup: SiteSetup, **rates: float) -> None:
         self._works, self._crop, self._rates = setup.machine.works, str(setup.field.stand.crop), rates
@@ -94,10 +98,11 @@ class Setting(KeepsState):
         self.crop = CROPS.get(self._crop, CROPS["wheat"])
         self._now: dict[str, float] | None = None
         self._told: dict[str, float] | None = None
+        self.beyond: list[str] = []
 
     def clear(self) -> None:
         """They begin where they are first wanted."""
-        self._now = self._told = None
+        self._now, self._told, self.beyond = None, None, []
 
     def over_own(self, inputs: Inputs, h: float) -> dict[str, float]:
         """Every setting over the manual's after h [s] towards what `settings` wants."""
@@ -109,7 +114,11 @@ class Setting(KeepsState):
         now = wanted if self._now is None else self._now
         steps = {name: rate * h for name, rate in self._rates.items()}
         self._now = {n: now[n] + min(max(wanted[n] - now[n], -step), step) for n, step in steps.items()}
-        return {name: value / self.own[name] for name, value in self._now.items()}
+        over = {name: value / self.own[name] for name, value in self._now.items()}
+        for name, ratio in over.items():
+            if not 1.0 / FAR <= ratio <= FAR and name not in self.beyond:
+                self.beyond.append(name)
+        return over
 
     def moved(self, t: int) -> dict[str, OrganSettings]:
         """The output `actual` at t [ns]: what they have come to, where it changed and somebody sets them."""
@@ -130,6 +139,13 @@ class Organ(KeepsState):
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     steps_any_length = True
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Settings that no law was made for."""
+        setting: Setting | None = getattr(self, "_set", None)
+        beyond = [] if setting is None else setting.beyond
+        return [f"{n} was set beyond 1/{FAR:g} to {FAR:g} of the manual's, where no law holds" for n in beyond]
 
     def start(self) -> None:
         """Empty it."""

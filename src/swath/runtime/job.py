@@ -202,6 +202,14 @@ def _drive(running: "Running", progress: bool, events: Sequence[Mapping[str, Any
     return running.finish(incomplete=False)
 
 
+def unheard(world: World) -> list[str]:
+    """Notes on settings that no part takes, and no device passes on."""
+    taken = {source for node in world.graph.nodes for source, _ in node.wires.values()}
+    slots = [f"{m.name}.{slot}" for m in world.machines.values() for slot in m.slots_of("settings")]
+    unread = [] if world.devices else [slot for slot in slots if slot not in taken]
+    return [f"{slot}: no part takes these settings, level organs of process does" for slot in unread]
+
+
 def _grid(world: World) -> dict[str, Any]:
     """`map_grid`: how the world's axes lie on Earth, where its place there is known."""
     origin = next((m.origin for m in world.machines.values()), None)
@@ -369,7 +377,7 @@ class Running:
         )
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
-        notes += self.evaluation.notes()
+        notes += [*unheard(world), *self.evaluation.notes()]
         if files := hashes(scenario.plain()):
             summary["files"] = files
         if (watch := self.evaluation.find(FIELD, Credibility)) is not None:

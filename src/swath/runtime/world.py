@@ -104,7 +104,8 @@ class Machine:
     @property
     def notes(self) -> list[str]:
         """What the parts want the user to know about the run, each once."""
-        return [f"{self.name}: {n}" for p in self.all_parts if isinstance(p, HasNotes) for n in p.notes]
+        notes = [f"{self.name}: {n}" for p in self.all_parts if isinstance(p, HasNotes) for n in p.notes]
+        return list(dict.fromkeys(notes))
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""

@@ -9,18 +9,19 @@ from swath.core.signal import Quantity, Signal
 from swath.core.units import DEG, MM, RPM
 
 OWN = "as the machine has it for its crop"
+SPEED, GAP, STEEP = (0.0, 5000.0 * RPM), (0.0, 100.0 * MM), (0.0, 80.0 * DEG)
 
 
 @frozen
 class OrganSettings(Signal):
     """How the organs are to be set."""
 
-    drum: Annotated[float, Quantity("rad/s", "drum or rotor", nan=OWN)] = nan
-    concave: Annotated[float, Quantity("m", "clearance between drum and concave", nan=OWN)] = nan
-    fan: Annotated[float, Quantity("rad/s", "fan of the shoe", nan=OWN)] = nan
-    upper: Annotated[float, Quantity("m", "opening of the upper sieve", nan=OWN)] = nan
-    lower: Annotated[float, Quantity("m", "opening of the lower sieve", nan=OWN)] = nan
-    vane: Annotated[float, Quantity("rad", "rotor vanes, > 0 steeper: straw leaves sooner", nan=OWN)] = nan
+    drum: Annotated[float, Quantity("rad/s", "drum or rotor", nan=OWN, span=SPEED)] = nan
+    concave: Annotated[float, Quantity("m", "clearance between drum and concave", nan=OWN, span=GAP)] = nan
+    fan: Annotated[float, Quantity("rad/s", "fan of the shoe", nan=OWN, span=SPEED)] = nan
+    upper: Annotated[float, Quantity("m", "opening of the upper sieve", nan=OWN, span=GAP)] = nan
+    lower: Annotated[float, Quantity("m", "opening of the lower sieve", nan=OWN, span=GAP)] = nan
+    vane: Annotated[float, Quantity("rad", "rotor vanes, > 0 steeper: straw leaves sooner", nan=OWN, span=STEEP)] = nan
 
 
 NAMES = tuple(f.name for f in fields(OrganSettings) if f.name != "t")

@@ -75,7 +75,7 @@ class Params:
         wheat and rape, Int. Agrophys. 21:299)
     broken_width_percent: distance from it at which twice as much does
     power_clearance: power of the drum goes with v and with c to this power
-    blocks_at: straw in the drum over the nominal at which it blocks
+    blocks_at: straw in the drum over the nominal at which it blocks; a slower drum holds more
     speed_rpm_s: how fast the drum's speed is set
     opening_mm_s: how fast the concave is
     """
@@ -158,7 +158,7 @@ class Drum(Organ):
         return {
             "over": sent(t + dt, h, over, wet),
             "through": sent(t + dt, h, through, wet),
-            "work": self.work(t + dt, h, grain, mog, power=power, blockage=layer / p.blocks_at),
+            "work": self.work(t + dt, h, grain, mog, power=power, blockage=layer / max(v, 0.01) / p.blocks_at),
             **self._set.moved(t + dt),
         }
 
