@@ -260,6 +260,7 @@ def test_what_cannot_be_tuned_is_refused(flags, expected, case_file, drives, tmp
     drives(bowl)
     assert main(["tune", case_file, *flags, "--out", str(tmp_path / "a")]) == 2
     assert expected in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
 
 
 def test_the_command_prints_the_winner_and_how_it_is_proven(case_file, drives, tmp_path, capsys):

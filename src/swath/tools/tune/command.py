@@ -22,7 +22,7 @@ def add(parsers: Any) -> None:
            type=_parameter, required=True)  # fmt: skip
     option(parser, "--aim METRIC", "one or two (default margin: to the limits)", [])
     option(parser, "--prove CASE", "prove in this case instead of other conditions; several times", [])
-    option(parser, "--tries N", "settings that are tried", 60)
+    option(parser, "--tries N", "settings that are tried, 10 to 400", 60)
     option(parser, "--each N", "runs of each setting, over all cases", 8)
     option(parser, "--proof N", "runs of each part of the proof, with the winner and as many as shipped", 32)
     add_sets(parser, "change every scenario; shipped is what it says then")

@@ -8,6 +8,7 @@ a Gaussian process of all that was measured is lowest.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,16 @@ class Tried:
 Measure = Callable[[F64], Sequence[Measured]]
 
 
+def searched_by(tries: int) -> Any:
+    """The library that says what is tried. InputError for too few or many tries, MissingExtra without it."""
+    if not FEWEST <= tries <= MOST:
+        raise InputError("--tries", tries, f"expected {FEWEST} to {MOST} settings")
+    with Extra("tune", "swath tune"):
+        import optuna
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    return optuna
+
+
 def optimise(parameters: Sequence[Parameter], aims: int, tries: int, seed: int,
              measure: Measure) -> list[Tried]:  # fmt: skip
     """All settings that are tried, in order: the same for the same seed and measured values.
@@ -57,11 +68,7 @@ def optimise(parameters: Sequence[Parameter], aims: int, tries: int, seed: int,
     tries, seed : how many settings; of their draws.
     measure : measures some settings, shares (n, d).
     """
-    if not FEWEST <= tries <= MOST:
-        raise InputError("tries", tries, f"expected {FEWEST} to {MOST}")
-    with Extra("tune", "swath tune"):
-        import optuna
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    optuna = searched_by(tries)
     sampler = optuna.samplers.TPESampler(seed=seed)
     study = optuna.create_study(directions=["minimize"] * aims, sampler=sampler)
     kinds = {p.key: optuna.distributions.CategoricalDistribution(range(len(p.choices))) if p.choices

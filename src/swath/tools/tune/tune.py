@@ -32,7 +32,7 @@ from swath.tools.function_test.judging.margin import MARGIN, judged_margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import Session, claim_folder
-from swath.tools.tune.optimiser import Measured, Tried, front, optimise, winner
+from swath.tools.tune.optimiser import Measured, Tried, front, optimise, searched_by, winner
 from swath.tools.tune.parameters import Parameter, as_sets, read_parameter, sets_at
 
 TUNE, CANDIDATES, WINNER = "tune.json", "candidates.yaml", "winner.yaml"
@@ -321,7 +321,8 @@ def _other_seeds(case: Case, first: int, count: int) -> Sequence[int]:
 
 
 def _check(tune: Tune) -> Draws:
-    """The draws of a tuning. InputError for what cannot be tuned."""
+    """The draws of a tuning. InputError for what cannot be tuned, MissingExtra."""
+    searched_by(tune.tries)
     for name, least in (("each", 1), ("proof", 10)):
         if getattr(tune, name) < least:
             raise InputError(f"--{name}", getattr(tune, name), f"expected {least} runs or more")
