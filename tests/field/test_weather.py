@@ -106,6 +106,9 @@ def test_a_file_gives_the_weather_between_its_hours(tmp_path):
         ("hour,rain_mm_h\n12,0\n25,0", r"hour = 25.0: expected an hour of the day, 0 to 24 \(.*:3\)"),
         ("hour,sun_elevation_deg\n12,40\n15,30", "sun_azimuth_deg: expected both angles of the sun"),
         ("hour,rain\n12,1", r"rain: unknown column, did you mean 'rain_mm_h'.*:1\)"),
+        ("Hour,rain_mm_h\n12,1", "did you mean 'hour'"),
+        ("hour;rain_mm_h\n12;1", r"expected commas between columns \(.*:1\)"),
+        ("hour,rain_mm_h, rain_mm_h\n12,0,1", "table = rain_mm_h: expected each column once"),
         ("hour,rain_mm_h\n12,1\n11,1", r"hour = 11.*rise \(.*:3\)"),
         ("hour,rain_mm_h\n3,1\n4,1", "time = .* within the hours of the file, 3 to 4"),
     ):

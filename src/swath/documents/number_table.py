@@ -15,12 +15,21 @@ BLOCK_BYTES = 1 << 22
 
 
 def column_names(path: Path) -> dict[str, str]:
-    """Names of the columns without and with the blanks around them. InputError where there are none."""
+    """Names of the columns without and with the blanks around them. InputError where there are none, where two
+    are alike, or where no comma is between them.
+    """
     from pyarrow import csv
 
     with readable("table", "a table with a line of column names", path):
         reader = csv.open_csv(check_readable(path, "table", "a table"))
-        return {str(n).strip(): str(n) for n in reader.schema.names}
+        names = [str(name) for name in reader.schema.names]
+    found = {name.strip(): name for name in names}
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        raise InputError("table", names[0], "expected commas between columns", file=path, line=1)
+    if len(found) < len(names):
+        twice = next(name.strip() for name in names if found[name.strip()] != name or names.count(name) > 1)
+        raise InputError("table", twice, "expected each column once", file=path, line=1)
+    return found
 
 
 def number_blocks(
