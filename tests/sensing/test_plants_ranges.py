@@ -1,4 +1,4 @@
-"""The ranges of rain, dust and wet straw that the LiDAR level `plants` declares: the laws at their ends.
+"""The ranges of rain, dust and wet straw that LiDAR levels declare: the laws at their ends.
 
 Of every level: nothing that no field of wheat has passes without a word.
 """

@@ -15,8 +15,9 @@ BLOCK_BYTES = 1 << 22
 
 
 def column_names(path: Path) -> dict[str, str]:
-    """Names of the columns without and with the blanks around them. InputError where there are none, where two
-    are alike, or where no comma is between them.
+    """Names of the columns without and with the blanks around them.
+
+    InputError where there are none, two are alike, or no comma is between them.
     """
     from pyarrow import csv
 

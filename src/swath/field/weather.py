@@ -277,7 +277,9 @@ def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np
         )
     for name in column_names(path):
         if name not in ("hour", *COLUMNS):
-            raise InputError(name, None, f"unknown column{near_miss(name, ('hour', *COLUMNS))}", file=path, line=1)
+            raise InputError(
+                name, None, f"unknown column{near_miss(name, ('hour', *COLUMNS))}", file=path, line=1
+            )
     rows = read_numbers(path, ["hour"], COLUMNS)
     hours = rows["hour"]
     if len(hours) == 0:

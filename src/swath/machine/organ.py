@@ -145,7 +145,9 @@ class Organ(KeepsState):
         """Settings that no law was made for."""
         setting: Setting | None = getattr(self, "_set", None)
         beyond = [] if setting is None else setting.beyond
-        return [f"{n} was set beyond 1/{FAR:g} to {FAR:g} of the manual's, where no law holds" for n in beyond]
+        return [
+            f"{n} was set beyond 1/{FAR:g} to {FAR:g} of the manual's, where no law holds" for n in beyond
+        ]
 
     def start(self) -> None:
         """Empty it."""

@@ -16,5 +16,7 @@ STEMS_SEEN = (
     Checked("stems_per_m2", 0.0, 1000.0, "tests/rays/test_closed_form.py"),
 )  # by rays against every stem
 CAMERA = (*STEMS_SEEN, Checked("dust_per_m", 0.0, 0.3, "tests/sensing/test_camera_error.py"))
+RANGES = "tests/sensing/test_plants_ranges.py"
+AIR = Checked("rain_mm_h", 0.0, 50.0, RANGES), Checked("dust_per_m", 0.0, 0.3, RANGES)  # of echoes
 BRIGHTEST = 120_000.0  # light of the brightest day that was checked [lx]
 CHECKED = SPEED, TURN  # of sensors of motion, against closed forms, in the ranges of motion levels

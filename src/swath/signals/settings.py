@@ -21,7 +21,9 @@ class OrganSettings(Signal):
     fan: Annotated[float, Quantity("rad/s", "fan of the shoe", nan=OWN, span=SPEED)] = nan
     upper: Annotated[float, Quantity("m", "opening of the upper sieve", nan=OWN, span=GAP)] = nan
     lower: Annotated[float, Quantity("m", "opening of the lower sieve", nan=OWN, span=GAP)] = nan
-    vane: Annotated[float, Quantity("rad", "rotor vanes, > 0 steeper: straw leaves sooner", nan=OWN, span=STEEP)] = nan
+    vane: Annotated[
+        float, Quantity("rad", "rotor vanes, > 0 steeper: straw leaves sooner", nan=OWN, span=STEEP)
+    ] = nan
 
 
 NAMES = tuple(f.name for f in fields(OrganSettings) if f.name != "t")

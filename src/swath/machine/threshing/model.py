@@ -158,7 +158,9 @@ class Drum(Organ):
         return {
             "over": sent(t + dt, h, over, wet),
             "through": sent(t + dt, h, through, wet),
-            "work": self.work(t + dt, h, grain, mog, power=power, blockage=layer / max(v, 0.01) / p.blocks_at),
+            "work": self.work(
+                t + dt, h, grain, mog, power=power, blockage=layer / max(v, 0.01) / p.blocks_at
+            ),
             **self._set.moved(t + dt),
         }
 

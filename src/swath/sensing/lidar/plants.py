@@ -18,7 +18,7 @@ from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.field.wetness import darkened
 from swath.rays.engine import RayCaster
-from swath.sensing import BRIGHTEST, STEMS_SEEN
+from swath.sensing import AIR, BRIGHTEST, RANGES, STEMS_SEEN
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
@@ -118,7 +118,6 @@ class PlantsLidar(ScanningLidar):
         return Pattern(self.pattern.position[None], self.pattern.weight)
 
 
-RANGES = "tests/sensing/test_plants_ranges.py"
 LEVEL = Level(
     PlantsLidar,
     Params,
@@ -127,8 +126,7 @@ LEVEL = Level(
     tolerance="dearest level; rays within 1 mm of Embree, first returns within 1 cm of the closed form",
     checked=(
         *STEMS_SEEN,
-        Checked("rain_mm_h", 0.0, 50.0, RANGES),
-        Checked("dust_per_m", 0.0, 0.3, RANGES),
+        *AIR,
         Checked("straw_moisture_percent", 0.0, 80.0, RANGES),
         Checked("receiver_light_lx", 0.0, BRIGHTEST, "tests/sensing/test_daylight.py"),
     ),
