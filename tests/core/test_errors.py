@@ -111,3 +111,12 @@ def test_a_list_that_is_cut_says_how_many_more_there_are():
     assert some_of(iter(names), 2, " + ") == "n0 + n1 and 5 more"
     assert capped(names, 2) == ["n0", "n1", "and 5 more"]
     assert capped(names[:2], 2) == ["n0", "n1"]
+
+
+def test_a_list_that_is_cut_twice_counts_once():
+    names = [f"combine.steer.command.c{k}" for k in range(90)]
+    text = str(InputError("log.header", some_of(names, 60), "expected a column of time"))
+    kept, _, rest = text.removeprefix("log.header = ").partition(" and ")
+    count, _, rest = rest.partition(" more")
+    assert len(kept.split(", ")) + int(count) == len(names)
+    assert rest == ": expected a column of time"

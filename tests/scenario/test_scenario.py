@@ -131,6 +131,11 @@ def test_resolved_reads_back_equal_from_another_place(tmp_path):
         ("seed: 3", "sead: 3", "sead: unknown key, did you mean 'seed'? (text:4)"),
         ("field:", "feild:", "feild: unknown key, did you mean 'field'? (text:6)"),
         ("speed_kmh: 7", "speed_mph: 7", "unknown key, did you mean 'speed_kmh'? expected in km/h (text:24)"),
+        (
+            "    speed:",
+            "    weather: {}\n    speed:",
+            "combine.weather: unknown key, did you mean field.weather?",
+        ),
         ("speed_kmh: 7", "sped_kmh: 7", "sped_kmh: unknown key, did you mean 'speed_kmh'? (text:24)"),
         (
             "speed_kmh: 7",

@@ -13,6 +13,7 @@ from swath.core.random import Stream
 from swath.field.crop_sheet import load_crop
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
+from swath.sensing.echo import ScannerWeather
 from swath.sensing.lidar import empirical, plants
 from swath.sensing.tables import load_table, table_names
 from swath.tools.distributions import compare
@@ -96,6 +97,19 @@ def test_measured_heights_agree_in_leaning_crop():
     for pitch in (10.0, 25.0, 50.0):
         found = agreement("wheat", 400, "sick-lms511-hr", pitch, "field.stand.lean_deg=20")
         assert found.is_good, (pitch, found)
+
+
+@pytest.mark.parametrize("extinction", [0.21, 0.23])
+def test_dust_shortens_the_reach_as_with_plants(extinction):
+    """To 5 %, where it takes a part of the beams; rain acts by its extinction, too."""
+
+    def lost(k, factor, count):
+        lidar = pair(site(400), step_deg=2.0, weather=ScannerWeather(extinction_per_m=factor * extinction))[k]
+        return np.isnan(heights(lidar, lidar.setup, 10.0, count, 5 + 50 * k)).mean()
+
+    low, model, high = lost(0, 0.95, 60), lost(1, 1.0, 200), lost(0, 1.05, 60)
+    assert low - 0.02 < model < high + 0.02
+    assert high - low > 0.1
 
 
 @pytest.mark.parametrize(("crop", "density"), [("barley", 550), ("rye", 250), ("rape", 40)])

@@ -12,8 +12,8 @@ LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
 _LONGEST_PLACE, _LONGEST_VALUE, _LEAST_VALUE = 150, 80, 50
 _MOST_LISTS, _MOST_LIKE = 8, 2000  # lists in a text that are cut; names of one that are compared
-_ITEM = r"[^\s,;]++(?: \([^()]*+\))?"
-_LIST = re.compile(rf"(?<![^\s,;])(?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM}")  # four names or more
+_ITEM = r"[^\s,;]*[^\s,;:](?: \([^()]*+\))?"
+_LIST = re.compile(rf"(?<![^\s,;])((?:{_ITEM}, (?!did you|or )){{3,}}{_ITEM})(?: and (\d+) more)?")
 
 
 class SwathError(Exception):
@@ -115,14 +115,14 @@ def fitted(text: str, limit: int = LONGEST, like: str = "") -> str:
         if len(text) <= limit or not (runs := list(_LIST.finditer(text))):
             break
         run = max(runs, key=lambda found: len(found.group()))
-        names = run.group().split(", ")
+        names, left = run.group(1).split(", "), int(run.group(2) or 0)
         if like and len(names) <= _MOST_LIKE:
             names.sort(key=lambda name: -_likeness(name, like))
         room = limit - (len(text) - len(run.group()))
         count = min(len(names) - 1, max(room, 1))
-        while count > 1 and len(_first_of(names, count)) > room:
+        while count > 1 and len(_first_of(names, count, left=left)) > room:
             count -= 1
-        text = text[: run.start()] + _first_of(names, count) + text[run.end() :]
+        text = text[: run.start()] + _first_of(names, count, left=left) + text[run.end() :]
         if count == 1:
             break
     return shortened(text, limit)
@@ -139,8 +139,8 @@ def capped(texts: Sequence[str], most: int) -> list[str]:
     return [*texts[:most], *([f"and {len(texts) - most} more"] if len(texts) > most else [])]
 
 
-def _first_of(names: list[str], count: int, between: str = ", ") -> str:
-    return f"{between.join(names[:count])} and {len(names) - count} more"
+def _first_of(names: list[str], count: int, between: str = ", ", left: int = 0) -> str:
+    return f"{between.join(names[:count])} and {len(names) - count + left} more"
 
 
 def _likeness(name: str, like: str) -> float:

@@ -132,7 +132,10 @@ def _instances(
             plural = [f"{s.name}_NAME" for s in reader.catalogue.slots if s.is_plural]
             known = [*MACHINE_KEYS, *(s.name for s in reader.catalogue.slots), *plural]
             gone = GONE_SLOTS.get(key)
-            said = f"unknown key: it is gone, {gone}" if gone else unknown_key(key, known)
+            other = (
+                f"unknown key, did you mean field.{key}?" if key in FIELD_KEYS else unknown_key(key, known)
+            )
+            said = f"unknown key: it is gone, {gone}" if gone else other
             reader.note((machine, key), None, said)
         elif not NAME.match(key):
             reader.note((machine, key), None, "expected a slot's name: letters, digits, - and _")
