@@ -106,7 +106,8 @@ class Chart:
         )
         inner = "".join(self._marks)
         return Html(
-            f'<svg width="{wide:g}" height="{high:g}" role="img" aria-label="{escaped(self.label)}">'
+            f'<svg width="{wide:g}" height="{high:g}" viewBox="0 0 {wide:g} {high:g}" role="img"'
+            f' aria-label="{escaped(self.label)}">'
             f'<g transform="translate({self._left:g} {self._above:g})">{frame}{inner}</g></svg>'
         )
 
