@@ -583,11 +583,18 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
             entry = {"subject": "combine", "name": "distance_m", "limit": {"min": 1}, "value": 2.0}
             entry |= {"result": "pass", "rests_outside": ["combine.lidar"]}
             run.result.update(expect=[entry], credibility=outside, verdict="not judged", reason="not judged")
+        elif number < 12:
+            ended = "the run ended at 3.00 s: combine.speed: no crop edge seen"
+            run.result.update(never_checked={"combine.edge": ["rain_mm_h"]}, ended=ended)
+            entry = {"subject": "combine", "name": "distance_m", "limit": {"min": 9}, "value": 2.0}
+            run.result.update(expect=[entry | {"result": "fail"}], verdict="fail", reason="2 is less than 9")
     page = write_dossier(found, found.cells()).read_text()
     row = '<td class="word">lean_deg</td><td class="n">7</td><td>5 to 26</td>'
     assert row in page
     assert f"{DENSITY}: " in page
     assert "no range declared" in page
+    assert '<td class="word">combine.edge</td><td class="word">rain_mm_h</td><td class="n">5</td>' in page
+    assert page.count("2 is less than 9; the run ended at 3.00 s: combine.speed: no crop edge seen") == 5
     assert "swath test run --odd out/campaign.odd.yaml --runs 60 --out DIR" in page
 
 

@@ -33,7 +33,7 @@ from swath.report.html import (
     joined,
     write_page,
 )
-from swath.runtime.credibility import span
+from swath.runtime.credibility import NEVER_CHECKED, span
 from swath.runtime.met import QUANTITIES
 from swath.tools.function_test.cells import cells_of, errors_of
 from swath.tools.function_test.evidence import evidence_table
@@ -68,7 +68,7 @@ from swath.tools.function_test.odd.trace import (
     trace_rows,
     traced,
 )
-from swath.tools.function_test.one_run import scenario_of
+from swath.tools.function_test.one_run import ENDED, scenario_of
 from swath.tools.function_test.page import more, write_matrix
 from swath.tools.function_test.plan import code_hash, commit, looked_at
 
@@ -114,6 +114,9 @@ ABOUT_RESTRICTED = (
     "`{0}` is the ODD without {1}: the causes, what is broken without them, buckets that are not shown, "
     "and pairs that were never driven. Pairs that are not shown stay in it. It was drawn from these runs, "
     "so it has to be confirmed by new ones: `swath test run --odd {2}/{0} --out DIR`."
+)
+ABOUT_NEVER = (
+    "Its level declares no range for it, and more than usual values were met: it may be wrong."
 )
 ABOUT_MODELS = (
     "Of the first run. A level with a range is compared with what each run met; of one without, nothing "
@@ -283,6 +286,8 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         Section("What not to believe", [
             Items(_believe(found)),
             Table("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
+            Table("Met, and never checked for", ("slot", "quantity", "runs"), _never_checked(found), (2,),
+                    ABOUT_NEVER),
             Table("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
                     text=ABOUT_MODELS),
         ]),
@@ -377,10 +382,12 @@ def _where_shown(
     said = (
         f"Each attribute is judged by itself, over all values of the others that were driven with it. {short}"
     )
-    if nowhere := [axis for axis, where in left if where == NOWHERE]:
+    nowhere = [axis for axis, where in left if where == NOWHERE]
+    if nowhere:
+        of = "any attribute" if len(nowhere) == len(left) else ", ".join(nowhere)
         remains = (
             "No part of the ODD is shown: when what is broken and what is not shown is taken out, no "
-            f"bucket of {', '.join(nowhere)} is left."
+            f"bucket of {of} is left."
         )
     else:
         remains = ABOUT_RESTRICTED.format(name, counted(len(out), "part"), found.folder.name)
@@ -388,7 +395,11 @@ def _where_shown(
     beyond = f"`shown.openodd.yaml`, from `not_shown_{len(rows_text) + 1}` on"
     leaves = [Items(rows_text, is_wide=True), more(len(out), len(rows_text), beyond)]
     return [
-        Table("", SHOWN_IN[: 2 if is_alike else 3], [row[: 2 if is_alike else 3] for row in rows]),
+        Table(
+            "",
+            SHOWN_IN[: 2 if is_alike else 3],
+            [row[: 2 if is_alike else 3] for row in rows if {*row[1:]} != {NOWHERE}],
+        ),
         f"{said}." if short else said,
         remains,
         Fold("What it leaves out", leaves) if out else "",
@@ -634,7 +645,8 @@ def _left(run: Driven) -> list[object]:
 
 def _run(folder: str, run: Driven) -> list[object]:
     point = ", ".join(f"{name.partition('.')[2]} {value}" for name, value in run.result["point"].items())
-    return [element("code", again(folder, run.result)), str(run.result["reason"]), point]
+    why = "; ".join(filter(None, (run.result["reason"], run.result.get(ENDED))))
+    return [element("code", again(folder, run.result)), why, point]
 
 
 def _requirement(folder: str, told: Traced) -> list[str]:
@@ -719,6 +731,17 @@ def _unjudged(found: Conducted) -> list[list[str]]:
     ]
 
 
+def _never_checked(found: Conducted) -> list[list[str]]:
+    """Slot, quantity, and in how many runs it was met beyond plain values by a level that has no range."""
+    count = Counter(
+        (slot, name)
+        for run in found.coverage.runs
+        for slot, names in run.result.get(NEVER_CHECKED, {}).items()
+        for name in names
+    )
+    return [[slot, name, str(runs)] for (slot, name), runs in sorted(count.items())]
+
+
 def _digests(found: Conducted) -> list[tuple[str, str]]:
     odd = found.odd.domain.revision
     return [
@@ -768,6 +791,7 @@ def _run_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
             "seed": run.result["seed"],
             "verdict": run.result["verdict"],
             "reason": run.result["reason"],
+            "ended": run.result.get(ENDED, ""),
             "digest": run.result["digest"],
             "breaks": " ".join(broken_by(found.odd.file, run.result)),
             "again": again(found.folder.name, run.result),
