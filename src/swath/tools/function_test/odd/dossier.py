@@ -115,9 +115,7 @@ ABOUT_RESTRICTED = (
     "and pairs that were never driven. Pairs that are not shown stay in it. It was drawn from these runs, "
     "so it has to be confirmed by new ones: `swath test run --odd {2}/{0} --out DIR`."
 )
-ABOUT_NEVER = (
-    "Its level declares no range for it, and more than usual values were met: it may be wrong."
-)
+ABOUT_NEVER = "Its level declares no range for it, and more than usual values were met: it may be wrong."
 ABOUT_MODELS = (
     "Of the first run. A level with a range is compared with what each run met; of one without, nothing "
     "says where it stops being right."
