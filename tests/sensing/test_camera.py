@@ -289,3 +289,36 @@ def test_it_is_only_there_where_a_scenario_names_it():
     without = "\n".join(line for line in TEXT.splitlines() if "camera" not in line)
     assert "camera" not in assemble(parse_scenario(without)).leader.parts
     assert assemble(parse_scenario(TEXT)).leader.parts["camera"].params.mount == Mount()
+
+
+def entry(eye, ways, low, high):
+    """Distance along ways (n, 3) at which they enter a box of these corners, inf = they do not."""
+    one, other = (low - eye) / ways, (high - eye) / ways
+    first, last = np.minimum(one, other).max(axis=-1), np.maximum(one, other).min(axis=-1)
+    return np.where((first <= last) & (first > 0.0), first, np.inf)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_machine_that_carries_it_is_seen_where_its_boxes_are(seed):
+    draw, setup = np.random.default_rng(seed), site()
+    place = {"x_m": draw.uniform(1.0, 3.0), "z_m": draw.uniform(4.2, 5.0), "y_m": draw.uniform(-1.0, 1.0)}
+    mount = Mount(at="axle", pitch_deg=draw.uniform(20.0, 50.0), yaw_deg=draw.uniform(-180, 180), **place)
+    size = {"width_px": 80, "height_px": 60, "mount": mount, "channels": ("depth", "instance")}
+    made, plain = (RaysCamera(Params(**size, own_machine=own), setup) for own in (True, False))
+    machine, pose = setup.machine, setup.bodies.pose_of("combine")
+    image, before = (c.image_from(0, pose @ c.optical) for c in (made, plain))
+    rear, front, half, bottom, top = machine.body
+    depth, width = machine.header_depth, 0.5 * machine.header_width
+    boxes = [[(rear, -half, bottom), (front, half, top)]]
+    low = machine.knife_x - depth, machine.header_y - width, 0.1
+    boxes += [[low, (machine.knife_x, machine.header_y + width, 0.1 + machine.header_height)]]
+    ways = made.optical.turn(made.pinhole.rays(1)).reshape(-1, 3)
+    eye = made.optical.position
+    found = np.min([entry(eye, ways, *map(np.array, box)) for box in boxes], axis=0).reshape(60, 80)
+    along = made.pinhole.rays(1)[..., 2]
+    beyond = np.where(np.isnan(before.depth), np.inf, before.depth)
+    is_own = found * along < beyond
+    assert 0.02 < is_own.mean() < 1.0
+    assert not before.instance.any()
+    np.testing.assert_array_equal(image.instance > 0, is_own)
+    np.testing.assert_allclose(image.depth[is_own], (found * along)[is_own], rtol=1e-4)

@@ -233,13 +233,13 @@ class Bodies:
         beside = sorted(n for n in self._solids if n != name or n in self._sees_itself)
         return merge(*(moved(self._seen(n), self._poses[n]) for n in beside))
 
-    def in_sight(self, name: str) -> list[Sighted]:
+    def in_sight(self, name: str, *, itself: bool = False) -> list[Sighted]:
         """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
-        only where it sees itself.
+        only where it sees itself, or `itself` asks for it.
         """
         solids = self._standing_solids
         standing = [Sighted(n, self._kind(n), solids[n], warm=self._warm(n)) for n in self._obstacles]
-        beside = sorted(n for n in self._solids if n != name or n in self._sees_itself)
+        beside = sorted(n for n in self._solids if n != name or itself or n in self._sees_itself)
         return standing + [
             Sighted(
                 n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocity(n)), pose, self._warm(n)

@@ -145,6 +145,7 @@ class SceneParams:
     shadows: whether things up to 8 m away shade each other
     samples_per_sun_ray: samples of a pixel that share the ray towards the sun: fewer rays, coarser light
     texture: whether soil, straw and plants vary in colour
+    own_machine: whether chassis and header of the machine that carries it are seen, as boxes
     green_percent: share of the colour of unripe plants in that of the crop
     weather: dust and rain between camera and scene; the puffs of near_returns are not for cameras
     orthophoto: GeoTIFF of three bands whose colours the ground has (extra `geo`)
@@ -160,6 +161,7 @@ class SceneParams:
     shadows: bool = True
     samples_per_sun_ray: Literal[1, 2, 4] = 1
     texture: bool = True
+    own_machine: bool = False
     green_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     weather: Weather = field(default_factory=Weather)
     orthophoto: str | None = None
@@ -304,7 +306,8 @@ class SceneCamera(KeepsState):
         eye = origins if origins.ndim == 1 else origins[len(origins) // 2, origins.shape[1] // 2]
         reach = self.params.reach_m
         self.setup.field.ensure(eye[0], eye[1], reach + SHADOW_REACH)
-        things = instances_of(self.setup.bodies.in_sight(self.setup.name))
+        bodies, own = self.setup.bodies, self.params.own_machine
+        things = instances_of(bodies.in_sight(self.setup.name, itself=own))
         moving = [] if late is None else things.moving
         solids = things.standing if moving else things.solids
         hits = self.caster.cast_image(origins, directions, range_max=reach, solids=solids, t=t)
