@@ -20,7 +20,7 @@ from swath.scenario.scenario import parse_scenario
 from swath.sensing.camera import depth, error, thermal
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
-from swath.sensing.camera.shading import COLOURS, Daylight
+from swath.sensing.camera.shading import COLOURS, Daylight, encode, linear
 from swath.sensing.mount import Mount
 
 TEXT = """
@@ -322,3 +322,10 @@ def test_the_machine_that_carries_it_is_seen_where_its_boxes_are(seed):
     assert not before.instance.any()
     np.testing.assert_array_equal(image.instance > 0, is_own)
     np.testing.assert_allclose(image.depth[is_own], (found * along)[is_own], rtol=1e-4)
+
+
+def test_bytes_of_light_go_up_where_srgb_says():
+    steps = linear(np.arange(255) + 0.5)
+    drawn = np.random.default_rng(3).uniform(-0.1, 1.1, 20_000)
+    light = np.concatenate([steps, np.nextafter(steps, 0.0), linear(np.arange(256)), drawn])
+    np.testing.assert_array_equal(encode(light), np.searchsorted(steps, np.clip(light, 0.0, 1.0), "right"))

@@ -62,7 +62,13 @@ def _check_each(pages: Pages, side: float, origins: Array, u: Array, v: Array) -
         place = _named(origins[int(np.argmin(slot))])
         expected = "expected a ray that starts over known ground: call field.ensure(x, y, radius) first"
         raise InputError("origin", place, expected)
-    refuse_below(origins, _ground(pages, slot, (u - i) * PAGE_NODES, (v - j) * PAGE_NODES))
+    tops = np.full(len(pages.ground), -np.inf)
+    for n in np.flatnonzero(np.bincount(slot)).tolist():
+        tops[n] = pages.ground[n].max()
+    low = np.flatnonzero(origins[:, 2] <= tops[slot])
+    if len(low):
+        x, y = (((w - k) * PAGE_NODES)[low] for w, k in ((u, i), (v, j)))
+        refuse_below(origins[low], _ground(pages, slot[low], x, y))
 
 
 def refuse_below(origins: Array, ground: Array) -> None:

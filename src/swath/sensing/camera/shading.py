@@ -116,7 +116,9 @@ class Daylight:
 
 def encode(light: F64) -> NDArray[np.uint8]:
     """Linear light as sRGB bytes (IEC 61966-2-1)."""
-    return np.searchsorted(_STEPS, np.clip(light, 0.0, 1.0), side="right").astype(np.uint8)
+    part = np.clip(light, 0.0, 1.0)
+    low = _BYTES[(part * FINE).astype(np.int32)]
+    return np.asarray(low + (part >= _NEXT[low]))
 
 
 def linear(colour: Any) -> F64:
@@ -126,6 +128,9 @@ def linear(colour: Any) -> F64:
 
 
 _STEPS = linear(np.arange(255) + 0.5)  # light at which the byte goes up by one
+FINE = 1 << 13  # parts of the light with at most one step in each
+_BYTES = np.searchsorted(_STEPS, np.arange(FINE + 1) / FINE, side="right").astype(np.uint8)
+_NEXT = np.append(_STEPS, np.inf)
 _AWAY = 0.5 * pi - portable.arcsin(NODES)  # from the sun [rad]
 _INDICATRIX = 1.0 + 10.0 * (portable.exp(-3.0 * _AWAY) - portable.exp(-1.5 * pi)) + 0.45 * NODES**2
 _GRADATION = [1.0 - portable.exp(-depth / np.maximum(NODES, 1e-3)) for depth in DEPTHS.tolist()]
