@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from benchmarks.fleet_graph.turns import shortest_turns, turn_lengths
+from benchmarks.fleet_graph.turns import pieces_of, shortest_turns, turns_of
 
 from swath.control.turns.dubins import Place as Pose
 from swath.control.turns.dubins import shortest
@@ -118,6 +118,7 @@ class Lanes:
         self.nodes: list[tuple[int, Place]] = []
         self.known: dict[Any, int] = {}
         self.edges: list[Edge] = []
+        self.turned: dict[tuple[int, int], Any] = {}  # rolled turns that were looked at
         self.chains: list[Chain] = []
         self.crop: list[Any] = []
         self.areas: list[float] = []
@@ -172,18 +173,14 @@ class Lanes:
         if not pairs:
             return []
         g = self.nodes[pairs[0][0]][0]
-        spec = self.groups[g].spec
-        starts, goals = (np.array([self.nodes[pair[i]][1][:3] for pair in pairs]) for i in (0, 1))
-        if self.groups[g].is_cart:
-            goals[:, :2] -= LINE_M * np.column_stack([np.cos(goals[:, 2]), np.sin(goals[:, 2])])
-        out = []
-        for (a, b), pieces in zip(pairs, shortest_turns(starts, goals, spec.drive), strict=True):
-            length = math.fsum(d for _, d in pieces)
-            if not pieces or length > most:
+        spec, out = self.groups[g].spec, []
+        line = [(0.0, LINE_M)] if self.groups[g].is_cart else []
+        for (a, b), far in zip(pairs, self._far(g, pairs).tolist(), strict=True):
+            if far > most:
                 out.append(-1)
                 continue
-            line = [(0.0, LINE_M)] if LINE_M * self.groups[g].is_cart else []
-            out.append(self.edge(a, b, g, driven(self.nodes[a][1], pieces + line, spec.body, 1.0), what))
+            pieces = pieces_of(self.turned[a, b], spec.drive) + line
+            out.append(self.edge(a, b, g, driven(self.nodes[a][1], pieces, spec.body, 1.0), what))
         return out
 
     def _cells(self) -> None:
@@ -463,12 +460,13 @@ class Lanes:
 
     def _far(self, g: int, pairs: list[tuple[int, int]]) -> Any:
         """Lengths of turns between nodes [m]."""
-        if not pairs:
-            return np.zeros(0)
-        starts, goals = (np.array([self.nodes[pair[i]][1][:3] for pair in pairs]) for i in (0, 1))
+        new = [p for p in dict.fromkeys(pairs) if p not in self.turned]
         line = LINE_M * self.groups[g].is_cart
-        goals[:, :2] -= line * np.column_stack([np.cos(goals[:, 2]), np.sin(goals[:, 2])])
-        return np.round(turn_lengths(starts, goals, self.groups[g].spec.drive) + line, 1)
+        if new:
+            starts, goals = (np.array([self.nodes[pair[i]][1][:3] for pair in new]) for i in (0, 1))
+            goals[:, :2] -= line * np.column_stack([np.cos(goals[:, 2]), np.sin(goals[:, 2])])
+            self.turned.update(zip(new, turns_of(starts, goals, self.groups[g].spec.drive), strict=True))
+        return np.round([self.turned[p][0] + line for p in pairs], 1)
 
     def _turns(self, g: int) -> None:
         """Turns from ends of passes and poses of lanes to starts and lanes."""
@@ -699,7 +697,9 @@ class Lanes:
             cuts[[len(self.edges) + n for n in chain.nodes]] = True
         pairs, strict = _met(wide), _met([p.swept for p in every])
         far = pairs[~cuts[pairs].any(axis=1)]
-        return np.unique(np.concatenate([strict, far]), axis=0)
+        keys = np.sort(np.concatenate([strict, far]) @ np.array([len(every), 1]))
+        keys = keys[np.diff(keys, prepend=-1) > 0]
+        return np.column_stack([keys // len(every), keys % len(every)])
 
 
 def _rough(body: Body, more: float = 0.0) -> Body:

@@ -17,24 +17,28 @@ def shortest_turns(starts: np.ndarray, goals: np.ndarray, drive: Drive) -> list[
     """Pieces (curvature [1/m], length [m]) of the shortest rolled turn between poses x, y, heading, (n, 3);
     none where there is none.
     """
+    return [pieces_of(row, drive) for row in turns_of(starts, goals, drive)]
+
+
+def turns_of(starts: np.ndarray, goals: np.ndarray, drive: Drive) -> np.ndarray:
+    """Of each its length [m], inf where there is none, and what `pieces_of` makes pieces of, (n, 7)."""
+    limits, ends = _limits(drive), range(0, max(len(starts), 1), AT_ONCE)
+    return np.concatenate([_chunk(starts[i : i + AT_ONCE], goals[i : i + AT_ONCE], limits) for i in ends])
+
+
+def pieces_of(row: np.ndarray, drive: Drive) -> list[tuple[float, float]]:
+    """Pieces (curvature [1/m], length [m]) of one."""
+    total, number, first, second, a, b, s = row.tolist()
+    if not np.isfinite(total):
+        return []
     limits = _limits(drive)
-    rows = _shortest(starts, goals, limits)
-    return [_turn(total, row, limits) for total, *row in rows.tolist()]
-
-
-def turn_lengths(starts: np.ndarray, goals: np.ndarray, drive: Drive) -> np.ndarray:
-    """Length of each [m], inf where there is none."""
-    return _shortest(starts, goals, _limits(drive))[:, 0]
+    one, two = _pieces(a, int(first), limits), _pieces(b, int(second), limits)
+    line = [(0.0, s)] if s > 1e-6 else []
+    return {"csc": one + line + two, "ccs": one + two + line, "scc": line + one + two}[KINDS[int(number)]]
 
 
 def _limits(drive: Drive) -> TurnLimits:
     return TurnLimits(drive.radius, drive.steering / drive.turning)
-
-
-def _shortest(starts: np.ndarray, goals: np.ndarray, limits: TurnLimits) -> np.ndarray:
-    """Length, kind, sides, angles and straight of each, (n, 7)."""
-    ends = range(0, max(len(starts), 1), AT_ONCE)
-    return np.concatenate([_chunk(starts[i : i + AT_ONCE], goals[i : i + AT_ONCE], limits) for i in ends])
 
 
 def _length(angle: np.ndarray, limits: TurnLimits) -> np.ndarray:
@@ -86,16 +90,6 @@ def _chunk(starts: np.ndarray, goals: np.ndarray, limits: TurnLimits) -> np.ndar
                 better = least < best - 1e-6
                 best[better], found[better] = least[better], own[better]
     return np.column_stack([best, found])
-
-
-def _turn(total: float, row: list[float], limits: TurnLimits) -> list[tuple[float, float]]:
-    """Pieces of one."""
-    if not np.isfinite(total):
-        return []
-    number, first, second, a, b, s = row
-    one, two = _pieces(a, int(first), limits), _pieces(b, int(second), limits)
-    line = [(0.0, s)] if s > 1e-6 else []
-    return {"csc": one + line + two, "ccs": one + two + line, "scc": line + one + two}[KINDS[int(number)]]
 
 
 def _pieces(angle: float, side: int, limits: TurnLimits) -> list[tuple[float, float]]:
