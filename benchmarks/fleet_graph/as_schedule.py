@@ -121,9 +121,10 @@ def _paths(d: Decoder, m: Mover) -> list[tuple[Step, Path]]:
 def _exact(d: Decoder, s: Step) -> Track:
     """The way along an edge, rolled anew where the graph has it to a centimetre."""
     edge = d.lanes.edges[s.edge]
-    if edge.what != "way" or (edge.track.ways < 0.0).any() or not edge.track.bends.any():
+    group, turned = d.lanes.groups[edge.group], d.lanes.turned.get((edge.a, edge.b))
+    line = LINE_M * group.is_cart
+    if edge.what != "way" or turned is None or abs(turned[0] + line - edge.track.length) > 0.1:
         return edge.track
-    group = d.lanes.groups[edge.group]
     start, goal = d.lanes.nodes[edge.a][1], d.lanes.nodes[edge.b][1]
     if not group.is_cart:
         return rolled(start, goal, group.spec.drive, group.body)

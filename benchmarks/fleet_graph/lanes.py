@@ -426,9 +426,7 @@ class Lanes:
         ways: list[Any] = []
         both = self.groups[g].is_cart or not self.machines.carts  # others leave for good, the last one first
         if both and self.kept and shapely.intersects(shape, self.kept).any():
-            self.known = {key: m for key, m in self.known.items() if m != n}
-            del self.nodes[marks[0] :]
-            return -1
+            return self._forgotten(*marks)
         for is_out in (True, False) if both else (True,):
             rows = sorted((self._turn_m(*((n, m) if is_out else (m, n))), m) for m in flows)
             some = [m for far, m in rows[:20] if far < FAR_M]
@@ -444,12 +442,17 @@ class Lanes:
             self.edges[first:] = kept
             ways += [q for e in kept for q in e.path.swept[:].ravel().tolist()]
             if not kept:
-                self.known = {key: m for key, m in self.known.items() if m != n}
-                del self.nodes[marks[0] :], self.edges[marks[1] :]
-                return -1
+                return self._forgotten(*marks)
         self.taken.append(shape)
         self.kept += ways if both else []
         return n
+
+    def _forgotten(self, nodes: int, edges: int) -> int:
+        """Nodes and edges from some on are taken back."""
+        self.known = {key: n for key, n in self.known.items() if n < nodes}
+        self.turned = {key: row for key, row in self.turned.items() if max(key) < nodes}
+        del self.nodes[nodes:], self.edges[edges:]
+        return -1
 
     def _turn_m(self, a: int, b: int) -> float:
         """Length of a turn between nodes [m]."""
@@ -555,9 +558,7 @@ class Lanes:
             rows = sorted((math.fsum(d for _, d in t), b, t) for b, t in zip(near, turns, strict=True) if t)
             for far, b, pieces in rows[:8]:
                 if far < FAR_M:
-                    e = self.edge(
-                        n, b, g, driven(start, [(-k, -d) for k, d in pieces], spec.body, 1.0), "way"
-                    )
+                    e = self.edge(n, b, g, driven(start, [(-k, -d) for k, d in pieces], spec.body), "way")
                     self.edges[e].spent += 2.0 * spec.drive.shift * (e >= 0)
 
     def _back(self, g: int, a: int, far: float) -> int:
@@ -637,7 +638,7 @@ class Lanes:
             for (a, b), ways in found.items():
                 made = 0
                 for _, pieces in sorted(ways)[:6]:
-                    e = self.edge(a, b, g, driven(self.nodes[a][1], pieces, spec.body, 1.0), "way")
+                    e = self.edge(a, b, g, driven(self.nodes[a][1], pieces, spec.body), "way")
                     if e >= 0:
                         self.edges[e].spent += 4.0 * spec.drive.shift * is_back
                         made += 1
@@ -655,9 +656,6 @@ class Lanes:
             if len(kept) < most and not shapely.intersects(crop, parts[:, own]).any():
                 kept.append(e)
         self.edges[first:] = kept
-
-    def _near(self, a: int, lane: list[int], near: Any) -> list[tuple[float, int]]:
-        return sorted((round(self._turn_m(a, b), 1), b) for b in lane if near[b] and b != a)
 
     # what meets
     def _index(self) -> None:
