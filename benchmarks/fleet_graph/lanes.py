@@ -38,7 +38,7 @@ ON_M = (0.0, 4.0, 8.0, 12.0)  # straight before and behind a bend that is driven
 LINE_M = 7.0  # straight at the end of turns of a trailer
 SWING_M, STAND_M = 0.4, 0.8  # more room on each side of a trailer in turns, and where one stands behind them
 OPENS_M = 120.0  # over which a combine opens a way into standing crop
-PART_M = 7.0  # between hulls of what is swept
+PART_M, BENT_M = 7.0, 2.5  # between hulls of what is swept, in bends of a pass
 NEED_M = 0.15  # by which crop is narrower where ways are checked for it
 TOP, LANES = (5, 10), (3, 5)  # nearest passes, and lanes, to turn to, from a lane and from the end of a pass
 WAIT_M = 2.0  # between machines that wait
@@ -156,7 +156,8 @@ class Lanes:
     def edge(self, a: int, b: int, g: int, track: Track, what: str, opens: int = -1) -> int:
         """An edge; -1 where there is no room for it."""
         group = self.groups[g]
-        count = math.ceil(track.length / PART_M)
+        part = BENT_M if what == "cut" and track.bends.any() else PART_M
+        count = math.ceil(track.length / part)
         marks = np.linspace(0.0, track.length, count + 1)
         body = _rough(group.body, SWING_M if what == "way" else 0.0)
         path = segments(track, track.distance, body, what, marks)
@@ -390,9 +391,12 @@ class Lanes:
                             used.append(run_of(m.body, place, 0.0, WAIT_M))
                             bare = shapely.difference(bare, used[-1])
                             break
-        missing = [m.name for m in machines if m.name not in self.homes]
-        if missing:
-            raise InputError("field.around_m", None, f"expected room for {', '.join(missing)} to wait")
+        carts = tuple(k for k in self.machines.carts if k.name in self.homes)
+        missing = [m.name for m in self.machines.combines if m.name not in self.homes]
+        if missing or bool(carts) != bool(self.machines.carts):
+            names = ", ".join(missing) or "a cart"
+            raise InputError("field.around_m", None, f"expected room for {names} to wait")
+        self.machines = replace(self.machines, carts=carts)
 
     def _spots(self, bare: Any, body: Body) -> list[Place]:
         """Places where a body has room, the nearest to the gate first."""
