@@ -56,7 +56,8 @@ def main(count: int = 100) -> float:
         return 1.0
     found = [judged(np.random.default_rng(seed)) for seed in range(count)]
     print(f"{'':10s}" + "".join(f"{q:>13s}" for q in QUALITIES))
-    shares = {key: float(np.mean([each[key] for each in found])) for key in found[0]}
+    keys = {key: None for each in found for key in each}
+    shares = {key: float(np.mean([each[key] for each in found if key in each])) for key in keys}
     for name, (signs, _) in TRENDS.items():
         row = [f"{shares[name, q]:8.2f} ({s})" for q, s in zip(QUALITIES, signs, strict=True)]
         print(f"{name:10s}" + "".join(f"{text:>13s}" for text in row))

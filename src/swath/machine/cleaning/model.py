@@ -1,9 +1,9 @@
 """Cleaning level `model`: losses of a shoe over its air and its load, with the sieves as they are set.
 
 Too much air blows grain out, too little lets it ride over: as Craessaerts et al. 2010 (Biosyst. Eng. 106:97)
-found the losses over the load, U-shaped. With x the load over the nominal one less 1 (geometric mean of all
-that is on it and of what is not grain), u the speed of the air against the crop's best in units of its width,
-s the sieve over the manual's:
+found the losses over the load, U-shaped. With x the load over the crop's nominal one less 1 (geometric mean
+of all that is on it and of what is not grain), u the speed of the air against the crop's best in units of its
+width, s the sieve over the manual's:
 
     lost = l / 2 (exp(u - h x) + exp(g x - u) / s_upper^2),   u = (v - v_best) / width
     v = v_best fan (1 - 2 % per mm that the upper sieve is wider)
@@ -24,6 +24,7 @@ from swath.machine.cleaning import overload
 from swath.machine.cleaning.overload import RETURNS_MAX, Shares, Shoe, shoe_load
 from swath.machine.drivetrain_sheet import threshing_of
 from swath.machine.organ import ACTUAL, SETTINGS, Setting, ratio_of
+from swath.signals.settings import CROPS
 
 Rate = Annotated[float, Ge(0), Le(50)]
 
@@ -37,12 +38,12 @@ class Params:
     pressure_percent_mm: air lost per mm that the upper sieve is wider than the manual's (opening a sieve
         lowers the pressure, John Deere OMDXE11330)
     upper_power: grain that rides over goes with the upper sieve to minus this power
-    returns_air_m_s: change of the air in which the returns grow e-fold
+    returns_air_m_s: change of the air in which the returns grow e-fold, in wheat; as the crop's width
     returns_lower: returns go with what is not grain on the shoe, and with the lower sieve to minus this power
     returns_upper: and with the upper sieve to this one
     tank_mog_percent: material other than grain in the tank, over the grain, at the manual's settings; 0.6 was
         found in wheat of Kansas, 1.7 to 2.1 behind a controlled shoe
-    mog_air_m_s: change of the air in which it falls e-fold
+    mog_air_m_s: change of the air in which it falls e-fold, likewise
     mog_load: it goes with what is not grain on the shoe to this power, and with the lower sieve
     fan_share_percent: of the shoe's power, goes with the fan's speed to the third power
     speed_rpm_s: how fast the fan is set
@@ -89,18 +90,19 @@ class AirShoe(Shoe):
         return {**super().step(t, dt, inputs), **self._set.moved(t + dt)}
 
     def _shares(self, flow: float, mog: float, h: float, inputs: Inputs) -> Shares:
-        p, s = self._p, self._set.over_own(inputs, h)
+        p, s, crop = self._p, self._set.over_own(inputs, h), self._set.crop
         load = shoe_load(flow, self._c, inputs["state"])
         light = load * (mog / self._mog) * (self._c.flow / flow) if flow > 0.0 else 0.0
         fan = s["fan"] * ratio_of(inputs)
         wider = (s["upper"] - 1.0) * self._set.own["upper"] / MM
-        faster = self._set.crop.air * (fan * (1.0 - p.pressure_percent_mm * PERCENT * wider) - 1.0)  # [m/s]
+        faster = crop.air * (fan * (1.0 - p.pressure_percent_mm * PERCENT * wider) - 1.0)  # [m/s]
         fan_share = p.fan_share_percent * PERCENT
         self._effort = 1.0 - fan_share + fan_share * fan**3
-        back = self._c.returns * light * bounded_exp(faster / p.returns_air_m_s)
+        widths = crop.width / CROPS["wheat"].width  # of kernels that other air carries
+        back = self._c.returns * light * bounded_exp(faster / (p.returns_air_m_s * widths))
         back *= s["lower"] ** -p.returns_lower * s["upper"] ** p.returns_upper
-        mog = p.tank_mog_percent * PERCENT * bounded_exp(-faster / p.mog_air_m_s)
-        lost = shoe_loss(p, self._c.loss, sqrt(load * light), faster / self._set.crop.width, s["upper"])
+        mog = p.tank_mog_percent * PERCENT * bounded_exp(-faster / (p.mog_air_m_s * widths))
+        lost = shoe_loss(p, self._c.loss, sqrt(load * light) / crop.load, faster / crop.width, s["upper"])
         return Shares(lost, min(back, RETURNS_MAX), mog * s["lower"] * light**p.mog_load)
 
 
