@@ -1,6 +1,6 @@
 """Whole fields planned on a graph drawn once: many plans a job, each decoded in tens of milliseconds.
 
-    python -m benchmarks.fleet_graph 0 8 --plans 60 --driven --against same more
+    python -m benchmarks.fleet_graph 0 8 --plans 200 --driven --against same more
 
 A peer of the planner in `swath.fleet`, on the jobs of `benchmarks.fleet_jobs`. `lanes` draws poses and ways
 for each kind of machine, with the ground that bodies sweep, the crop that has to be cut before, and which

@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int)
     parser.add_argument("--hectares", type=float, nargs=2, default=(1.0, 2.5), metavar=("LEAST", "MOST"))
-    parser.add_argument("--plans", type=int, default=60)
+    parser.add_argument("--plans", type=int, default=200)
     parser.add_argument("--against", nargs="*", default=[], choices=("same", "nearly", "more"))
     parser.add_argument("--only", nargs="+", default=[""], metavar="WORD")
     parser.add_argument("--driven", action="store_true", help="bodies, too: contact and hours")

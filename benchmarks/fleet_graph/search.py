@@ -41,7 +41,7 @@ class Found:
 
 
 def best_of(job: JobFile, plans: int, lanes: Lanes | None = None) -> Found:
-    """The best plan, looked at by the house's own code."""
+    """The best plan; one that would be it is looked at by the house's own code."""
     out, t = Found(), time.process_time()
     lanes = lanes or Lanes(job)
     reserved = Reserved(lanes)
@@ -55,13 +55,24 @@ def best_of(job: JobFile, plans: int, lanes: Lanes | None = None) -> Found:
     def look(p: Choices) -> None:
         out.plans += 1
         worst = top[min(3, len(top) - 1)][0] * 3600.0 if len(top) > 3 else INF
+        decoder = Decoder(lanes, reserved, p, worst)
         try:
-            hours = Decoder(lanes, reserved, p, worst).run()
+            hours = decoder.run()
         except NoEnd as e:
             why = "".join(c for c in str(e) if not c.isdigit())
             out.why[why] = out.why.get(why, 0) + 1
             return
         out.ended += 1
+        if hours < out.decoded:
+            schedule = schedule_of(decoder)
+            try:
+                worked = by_events(schedule)
+            except ValueError:
+                out.circles += 1
+                return
+            if worked.ends / 3600.0 < out.hours:
+                out.hours, out.decoded, out.choices = worked.ends / 3600.0, hours, p
+                out.worked, out.schedule = worked, schedule
         top.append((round(hours, 6), out.plans, p))
         top.sort(key=lambda row: row[:2])
         del top[12:]
@@ -79,20 +90,6 @@ def best_of(job: JobFile, plans: int, lanes: Lanes | None = None) -> Found:
         base = top[draw.choice((0, 0, 0, 1, 2)) % len(top)][2] if top else Choices(*most)
         look(_changed(base, draw, most, len(lanes.plan.passes)))
     out.plans_s = time.process_time() - t
-    for hours, _, p in top:
-        decoder = Decoder(lanes, reserved, p)
-        decoder.run()
-        schedule = schedule_of(decoder)
-        try:
-            worked = by_events(schedule)
-        except ValueError:
-            out.circles += 1
-            continue
-        if worked.ends / 3600.0 < out.hours:
-            out.hours, out.decoded, out.choices = worked.ends / 3600.0, hours, p
-            out.worked, out.schedule = worked, schedule
-        if out.hours <= hours:
-            break
     return out
 
 
