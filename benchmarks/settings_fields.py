@@ -3,8 +3,8 @@
     python -m benchmarks.settings_fields [--fields 30] [--tries 20] [--tuned 6] [--minutes 60] [--known 10]
 
 A combine cuts for a while in wheat whose feed, straw, weeds, hour of the day (straw that dries), moisture,
-threshability and slope are drawn, with organs whose powers (`LAWS`) and breakage are drawn from their bands,
-and the sensors `counted`. Each has --tries to tune four settings: the table those it keeps, the controller
+threshability and slope are drawn, with organs and sensors (`counted`) whose estimates are drawn from their
+bands. Each has --tries to tune four settings: the table those it keeps, the controller
 those it starts with. Printed: grain lost and broken [kg/ha], what that costs, the 95 % interval of the mean
 gain (Student's t, paired by field), and what is there to be won in the first --known fields: by the best
 settings of each field, and of each quarter of it, known in hindsight.
@@ -27,7 +27,7 @@ from tests.machine.organ_trends import FLOW
 from tests.machine.process_rig import Row, flow, state
 
 from swath.control.settings import climb, fixed
-from swath.core.estimate import Estimate, estimates
+from swath.core.estimate import estimates
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
@@ -39,7 +39,10 @@ from swath.tools.tune.parameters import Parameter, sets_at
 
 H = 2.0  # step [s]
 PRICE, LESS = 0.20, 0.04  # of wheat [EUR/kg]; by how much broken grain and what is beside it are worth less
-LAWS = ("threshing_speed", "threshing_clearance", "separation_speed", "separation_clearance", "moisture_rate")
+DRAWN = [
+    CATALOGUE.registry.get(*of)
+    for of in (("threshing", "model"), ("cleaning", "model"), ("crop_flow", "counted"))
+]
 SPEED = 2.0  # [m/s]
 OWN = own_settings(site().machine.works, "wheat")
 RPM, MM = 30.0 / np.pi, 1e3
@@ -87,16 +90,12 @@ class Field:
         wet = np.interp(np.arange(count), np.linspace(0, count, 13), dry + dew) * PERCENT
         self.grain = FLOW[0] * feed * np.exp(-2.5 * (wet - 0.12))
         self.straw = self.grain * straw
-        bands = self._bands("threshing")
-        drum = {key: float(rng.uniform(bands[key].low, bands[key].high)) for key in LAWS}
-        drum["threshability"] = float(np.exp(0.15 * rng.standard_normal()))
-        broken = float(rng.uniform(0.25, 1.0))
-        self.keys = {"threshing": {**drum, "broken_percent": broken}, "separation": drum}
-        self.sensors = {key: float(rng.uniform(e.low, e.high)) for key, e in self._bands("crop_flow").items()}
-
-    @staticmethod
-    def _bands(slot: str) -> Mapping[str, Estimate]:
-        return estimates(CATALOGUE.registry.get(slot, {"crop_flow": "counted"}.get(slot, "model")).params)
+        drum, shoe, self.sensors = (
+            {key: float(rng.uniform(band.low, band.high)) for key, band in estimates(level.params).items()}
+            for level in DRAWN
+        )
+        drum |= {"threshability": float(np.exp(0.15 * rng.standard_normal())), "broken_percent": 0.5}
+        self.keys = {"threshing": drum, "separation": drum, "cleaning": shoe}
 
     def part(self, start: float, minutes: float) -> "Field":
         """Some minutes of it, from others on."""
