@@ -36,7 +36,9 @@ class Params:
     straw_dry_percent: straw moisture that grams_per_kg is for
     straw_damping_percent: further moisture that leaves 1 / e of the dust
     header_percent: share of it that rises at the header; the rest leaves with the straw
-    header_height_m, chopper_height_m, wheel_height_m: where it rises, above the ground
+    header_height_m: where the header's rises, above the ground
+    chopper_height_m: where that which leaves with the straw rises
+    wheel_height_m: where that of the wheels rises
     fine_percent: share of its mass that is of 10 um
     coarse_percent: share of its mass that is of 50 um; the rest is of 30 um
     soil_g_per_m: dust that the wheels raise on each metre
