@@ -9,9 +9,16 @@
 
 from math import exp, hypot, log
 
+import numpy as np
+from numpy.typing import NDArray
+
+from swath.core import portable
 from swath.field.weather import KELVIN, Air
 
+Array = NDArray[np.float64]
+
 BOLTZMANN = 5.670374419e-8  # [W/m2K4]
+FIRST, SECOND = 3.741771852e-16, 1.438776877e-2  # radiation constants [W m2, m K]
 HEAT = 1.2 * 1005.0  # of air, density times heat capacity [J/m3K]
 KARMAN, CALM = 0.41, 0.5  # least wind [m/s]
 STRAW_ABSORBS, STRAW_EMITS = 0.65, 0.96  # of sunlight, at 8 to 14 um: estimates
@@ -20,6 +27,11 @@ STRAW_ABSORBS, STRAW_EMITS = 0.65, 0.96  # of sunlight, at 8 to 14 um: estimates
 def saturation(temperature: float) -> float:
     """Pressure of saturated vapour [hPa] at a temperature [K]."""
     return 6.108 * exp(17.27 * (temperature - KELVIN) / (temperature - KELVIN + 237.3))
+
+
+def black_body(wave: Array, temperature: Array | float) -> Array:
+    """Exitance of a black body [W/m3] at wavelengths [m] and temperatures [K], by Planck's law."""
+    return np.asarray(FIRST / wave**5 / (portable.exp(SECOND / (wave * temperature)) - 1.0))
 
 
 def sky_radiation(air: Air) -> float:

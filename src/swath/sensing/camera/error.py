@@ -44,7 +44,7 @@ from swath.sensing import BRIGHTEST, CAMERA
 from swath.sensing.camera.camera_sheet import CameraSheet, load_camera
 from swath.sensing.camera.pinhole import Pinhole
 from swath.sensing.camera.rays import Channel, SceneCamera, SceneParams, Sight
-from swath.sensing.camera.shading import FULL, WAVELENGTHS, Daylight, encode
+from swath.sensing.camera.shading import FULL, WAVELENGTHS, encode
 from swath.sensing.mount import poses_at
 from swath.signals import F64, MachineState
 
@@ -198,7 +198,7 @@ class ErrorCamera(SceneCamera):
 
     def _photon_rates(self, t: int) -> F64:
         """Photons per second of a pixel of the sensor and unit of light at t [ns], (height, width, 3)."""
-        s, day = self.sheet, Daylight(*self.sky(t))
+        s, day = self.sheet, self.daylight(t)
         axis = self.pinhole.rays()[..., 2]
         self._white = day.white
         image = FULL * BAND * day.unit * day.white * s.transmission / (4.0 * s.f_number**2)
@@ -217,7 +217,7 @@ class ErrorCamera(SceneCamera):
         if self._p.blur == "none":
             return super().picture(t, known)
         exposure, _ = self._split(self._exposure or self.sheet.exposure_min)
-        seen = self.look(t, *self._aimed(t, exposure, known))
+        seen = self.look(t, self.pose_at(t, known), *self._aimed(t, exposure, known))
         return self._exposed(t, seen)
 
     def picture_from(self, t: int, pose: Pose) -> Outputs:

@@ -12,6 +12,7 @@ to patch. What is finer than a pixel is left out, as the mean of many would. Siz
 choice, by eye: nothing was measured.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,7 @@ from swath.rays.device import ThreadPool, start_warp
 from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
 from swath.sensing.camera.instances import Instances
+from swath.sensing.camera.lamps import Lamp
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.shading import Daylight, linear, organ_colours
 from swath.sensing.haze import haze_along
@@ -81,7 +83,7 @@ class LightSetup:
     """day: light of sun and sky; green: share of unripe colour.
 
     per_side: samples across a pixel
-    shared: so many of a pixel's samples have one ray towards the sun
+    shared: so many of a pixel's samples have one ray towards the sun, and one to each lamp
     shadows, texture: whether there are any
     extinction: of the air [1/m]
     pixel_angle [rad]: of a pixel in the middle
@@ -104,7 +106,7 @@ class LightSetup:
 
 
 class Lighting:
-    """Makes light of hits. ray_count: rays towards the sun so far."""
+    """Makes light of hits. ray_count: rays towards sun and lamps so far."""
 
     def __init__(self, setup: LightSetup, field: Field, pool: ThreadPool) -> None:
         self.setup, self._field = setup, field
@@ -112,7 +114,14 @@ class Lighting:
         self.ray_count, self._pool = 0, pool
 
     def light(
-        self, hits: Hits, origins: F64, directions: F64, things: Instances, caster: RayCaster, t: int
+        self,
+        hits: Hits,
+        origins: F64,
+        directions: F64,
+        things: Instances,
+        caster: RayCaster,
+        t: int,
+        lamps: Sequence[Lamp] = (),
     ) -> F64:
         """Linear light (rows, columns, 3) along rays; origins: (3,) or as directions (rows, columns, 3)."""
         day = self.setup.day
@@ -125,7 +134,13 @@ class Lighting:
         distance = hits.distance[seen].astype(np.float64)
         points = starts[seen] + distance[:, None] * directions[seen]
         colours = self._surface(hits, seen, points, distance, things)
-        light[seen] = colours * day.on(self._shared_cosine(seen, points, things.solids, caster, t))
+        lit = day.on(self._shared_cosine(seen, points, things.solids, caster, t))
+        for lamp, pose in lamps:
+            cosine = self._shared_cosine(seen, points, things.solids, caster, t, pose.position)
+            away = np.linalg.norm(points - pose.position, axis=1)
+            lux = lamp.lux(pose, points) * cosine * portable.exp(-self.setup.extinction * away)
+            lit += lux[:, None] * day.lux
+        light[seen] = colours * lit
         if self.setup.extinction > 0.0 or self._is_dusty:
             self._through_air(light, hits, starts, directions)
         return light
@@ -235,11 +250,17 @@ class Lighting:
         return depth
 
     def _shared_cosine(
-        self, seen: NDArray[np.bool_], points: F64, solids: Solids, caster: RayCaster, t: int
+        self,
+        seen: NDArray[np.bool_],
+        points: F64,
+        solids: Solids,
+        caster: RayCaster,
+        t: int,
+        lamp: F64 | None = None,
     ) -> F64:
-        """As `_sun_cosine`, of samples seen (rows, columns), where several share the ray of the first."""
+        """As `_cosine`, of samples seen (rows, columns), where several share the ray of the first."""
         if self.setup.shared == 1:
-            return self._sun_cosine(points, solids, caster, t)
+            return self._cosine(points, solids, caster, t, lamp)
         number = np.full(seen.shape, len(points))  # of the point of each sample
         number[seen] = np.arange(len(points))
         side, (rows, columns) = self.setup.per_side, seen.shape
@@ -248,25 +269,32 @@ class Lighting:
         first = groups.min(axis=1)
         chosen = first[first < len(points)]
         cosine = np.zeros(len(points) + 1)
-        cosine[chosen] = self._sun_cosine(points[chosen], solids, caster, t)
+        cosine[chosen] = self._cosine(points[chosen], solids, caster, t, lamp)
         given = cosine[first]
         cosine[groups.ravel()] = np.repeat(given, self.setup.shared)
         return cosine[:-1]
 
-    def _sun_cosine(self, points: F64, solids: Solids, caster: RayCaster, t: int) -> F64:
-        """Cosine of the angle between the surfaces at points (n, 3) and the sun, 0 in shadow."""
-        cosine = np.zeros(len(points))
-        toward = self.setup.day.toward
-        if not self.setup.day.sun.any():
+    def _cosine(self, points: F64, solids: Solids, caster: RayCaster, t: int, lamp: F64 | None) -> F64:
+        """Cosine of the angle between the surfaces at points (n, 3) and a lamp at (3,), none = the sun, 0 in
+        shadow.
+        """
+        cosine, day = np.zeros(len(points)), self.setup.day
+        reach = SHADOW_REACH if self.setup.shadows else SKIN
+        if lamp is not None:
+            away = lamp - points
+            far = np.linalg.norm(away, axis=1)
+            toward, length = away / np.maximum(far, SAME_PLACE)[:, None], np.minimum(far, reach)
+        elif day.sun.any():
+            toward, length = np.broadcast_to(day.toward, points.shape), np.full(len(points), reach)
+        else:
             return cosine
-        length = SHADOW_REACH if self.setup.shadows else SKIN
-        starts = points + length * toward
+        starts = points + length[:, None] * toward
         free = np.flatnonzero(starts[:, 2] >= self._field.ground_height(starts[:, 0], starts[:, 1]))
         if len(free) == 0:
             return cosine
-        back = np.broadcast_to(-toward, (len(free), 3))
-        found = caster.cast(starts[free], back, range_max=length + SAME_PLACE, solids=solids, t=t)
+        range_max = float(length.max()) + SAME_PLACE
+        found = caster.cast(starts[free], -toward[free], range_max=range_max, solids=solids, t=t)
         self.ray_count += len(free)
-        is_lit = np.abs(found.distance - length) < SAME_PLACE
+        is_lit = np.abs(found.distance - length[free].astype(np.float32)) < SAME_PLACE
         cosine[free[is_lit]] = found.cosine[is_lit]
         return cosine

@@ -3,7 +3,8 @@
 All pixels at one time (global shutter), no lens distortion, no noise, no exposure: what a perfect camera
 sees. A second ray per sample, from towards the sun back to what was seen, gives the angle to the sun and the
 shadow.
-The machine that carries the camera is not in the picture.
+The machine that carries the camera is in the picture where `own_machine` is set. So are its lamps' light and
+shadows where `work_lights` has any, from where they are at the time of the picture.
 
 Each sample sees things that go where they are at its own time. A thing with the velocity v that a ray meets s
 seconds after the time of the picture is met at that time by the same ray from its origin less v s. So the
@@ -37,6 +38,7 @@ from swath.rays.engine import RayCaster
 from swath.rays.hits import Hits
 from swath.sensing import CAMERA
 from swath.sensing.camera.instances import Instances, instances_of
+from swath.sensing.camera.lamps import WORK_DISTANCE, WorkLight
 from swath.sensing.camera.lighting import SHADOW_REACH, Lighting, LightSetup
 from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
@@ -146,6 +148,7 @@ class SceneParams:
     samples_per_sun_ray: samples of a pixel that share the ray towards the sun: fewer rays, coarser light
     texture: whether soil, straw and plants vary in colour
     own_machine: whether chassis and header of the machine that carries it are seen, as boxes
+    work_lights: lamps of the machine; they light what this camera sees, not what others see
     green_percent: share of the colour of unripe plants in that of the crop
     weather: dust and rain between camera and scene; the puffs of near_returns are not for cameras
     orthophoto: GeoTIFF of three bands whose colours the ground has (extra `geo`)
@@ -162,6 +165,7 @@ class SceneParams:
     samples_per_sun_ray: Literal[1, 2, 4] = 1
     texture: bool = True
     own_machine: bool = False
+    work_lights: tuple[WorkLight, ...] = ()
     green_percent: Annotated[float, Ge(0), Le(100)] = 0.0
     weather: Weather = field(default_factory=Weather)
     orthophoto: str | None = None
@@ -186,7 +190,8 @@ class Params(SceneParams):
 @dataclass(frozen=True)
 class Sight:
     """What all samples of an image see: hits, origins (3,) or (rows, columns, 3), directions (rows, columns,
-    3) in the world; depth along the optical axis [m], (rows, columns), nan = nothing; things in sight.
+    3) in the world; depth along the optical axis [m], (rows, columns), nan = nothing; things in sight;
+    pose_world_optical at the time of the picture.
     """
 
     hits: Hits
@@ -194,6 +199,7 @@ class Sight:
     directions: F64
     depth: NDArray[np.float32]
     things: Instances
+    pose: Pose
 
 
 class SceneCamera(KeepsState):
@@ -217,6 +223,9 @@ class SceneCamera(KeepsState):
         if self.mounting.position[2] <= 0:
             raise InputError("mount.z_m", params.mount.z_m, "expected a sensor above the ground")
         self.optical = self.mounting @ OPTICAL
+        self._lamps = [
+            (w, self.optical.inverse() @ w.pose(setup.machine, setup.edge_side)) for w in params.work_lights
+        ]
         self.per_side = isqrt(params.samples_per_pixel)
         self._rays = self.pinhole.rays(self.per_side)  # unit directions in the optical frame
         self.caster = RayCaster(setup.field)
@@ -244,10 +253,15 @@ class SceneCamera(KeepsState):
             return Sun(azimuth, elevation), p.cloud_percent * PERCENT
         return Sun(azimuth, elevation), 0.0 if weather is None else weather.at(t).cloud
 
+    def daylight(self, t: int) -> Daylight:
+        """The light of a picture at a time of the run [ns]."""
+        brightest = max((w.candela for w in self.params.work_lights), default=0.0)
+        return Daylight(*self.sky(t), brightest / WORK_DISTANCE**2)
+
     def _light_setup(self, t: int) -> LightSetup:
-        p, (sun, cloud) = self.params, self.sky(t)
+        p = self.params
         return LightSetup(
-            day=Daylight(sun, cloud),
+            day=self.daylight(t),
             green=p.green_percent * PERCENT,
             shadows=p.shadows,
             per_side=isqrt(p.samples_per_pixel),
@@ -280,8 +294,12 @@ class SceneCamera(KeepsState):
 
     def picture(self, t: int, known: tuple[MachineState, ...]) -> Outputs:
         """The outputs at t [ns] of a machine that was in these states."""
+        return self.picture_from(t, self.pose_at(t, known))
+
+    def pose_at(self, t: int, known: tuple[MachineState, ...]) -> Pose:
+        """pose_world_optical at t [ns] of a machine that was in these states."""
         position, rotation = poses_at(known, np.array([float(t)]))
-        return self.picture_from(t, Pose(position[0], rotation[0]) @ self.optical)
+        return Pose(position[0], rotation[0]) @ self.optical
 
     def picture_from(self, t: int, pose: Pose) -> Outputs:
         """The outputs at t [ns] of a camera that stands at the pose_world_optical."""
@@ -295,11 +313,12 @@ class SceneCamera(KeepsState):
 
     def sight(self, t: int, pose: Pose) -> Sight:
         """What the samples see at t [ns] from one pose_world_optical."""
-        return self.look(t, pose.position, pose.turn(self._rays))
+        return self.look(t, pose, pose.position, pose.turn(self._rays))
 
-    def look(self, t: int, origins: F64, directions: F64, late: F64 | None = None) -> Sight:
+    def look(self, t: int, pose: Pose, origins: F64, directions: F64, late: F64 | None = None) -> Sight:
         """Cast rays (rows, columns, 3) of all samples from origins (3,) or of the same shape.
 
+        pose: pose_world_optical at t
         late: times of the samples after t [s], (rows, columns), so that things are seen where they are then;
         None = all at t
         """
@@ -315,13 +334,15 @@ class SceneCamera(KeepsState):
             hits, origins = over_moving(self.caster, hits, origins, directions, late, moving, reach)
         self._casts += hits.organ.size
         depth = (hits.distance * self._rays[..., 2]).astype(np.float32)
-        return Sight(hits, origins, directions, depth, things)
+        return Sight(hits, origins, directions, depth, things, pose)
 
     def light(self, seen: Sight, t: int) -> F64:
         """Linear light of the pixels (height, width, 3): the mean of their samples."""
         if self.setup.field.weather is not None:
             self._lighting.setup = self._light_setup(t)
-        every = self._lighting.light(seen.hits, seen.origins, seen.directions, seen.things, self.caster, t)
+        lamps = [(w, seen.pose @ pose) for w, pose in self._lamps]
+        rays = seen.hits, seen.origins, seen.directions
+        every = self._lighting.light(*rays, seen.things, self.caster, t, lamps)
         return np.asarray(cells(every, self.per_side).mean(axis=2))
 
     def outputs_of(self, t: int, seen: Sight, **channels: Any) -> Outputs:

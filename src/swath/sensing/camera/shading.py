@@ -3,7 +3,8 @@
 A surface of colour c sends c (sky + sun cos a), a between its normal and the sun, 0 in shadow; sun and sky as
 `field/light.py` has them, each in three bands of colour. White is a plate across the sun at 45 deg. A picture
 is exposed for the clear day: a white plate across the sun, or in twilight four times the sky's light on level
-ground, is 1 / FULL. So evening light is gold and shadows are blue.
+ground, or by night one 6 m before the brightest lamp, is 1 / FULL. So evening light is gold and shadows are
+blue.
 
 The sky is as bright as ISO 15469:2004 says, type 12 (clear, low turbidity) and type 1 (overcast), scaled so
 that it sends the light of the sky on level ground; towards the horizon its colour fades as the optical depth
@@ -22,6 +23,7 @@ from swath.core.units import DEG
 from swath.field.light import Light, light
 from swath.field.memory_layout import Organ
 from swath.field.weather import Sun
+from swath.sensing.camera.lamps import irradiance_per_lux
 from swath.signals import F64
 
 # sRGB of reflectances at 650 and 550 nm: dry straw 0.42 and 0.37, dead leaf 0.29 and 0.25, green leaf 0.05
@@ -76,17 +78,24 @@ class Daylight:
 
     toward: unit vector to the sun, world (3,)
     sun, sky: linear light of a white plate across the sun, and of one on level ground in shadow, (3,)
+    lux: linear light of a white plate for one lux of lamps, (3,)
     unit: irradiance of green for light FULL [W/(m2 nm)]
     white: of the other colours relative to green in white light, (3,)
     """
 
-    def __init__(self, sun: Sun, cloud: float) -> None:
+    def __init__(self, sun: Sun, cloud: float, lamps: float = 0.0) -> None:
+        """Of a sun and a cloud cover; lamps: their light on work [lx], for which to expose at least."""
         self.toward = sun_direction(sun.azimuth, sun.elevation)
         white, clear, now = light(WHITE_SUN), light(sun.elevation), light(sun.elevation, cloud)
         self.white = bands(white, white.sun) / white.at(WAVELENGTHS[1], white.sun)
-        self.unit = max(clear.at(WAVELENGTHS[1], clear.sun), TWILIGHT * clear.at(WAVELENGTHS[1], clear.sky))
+        lux = irradiance_per_lux(WAVELENGTHS)
+        self.unit = max(
+            clear.at(WAVELENGTHS[1], clear.sun),
+            TWILIGHT * clear.at(WAVELENGTHS[1], clear.sky),
+            lamps * float(lux[1]),
+        )
         scale = 1.0 / (self.white * self.unit * FULL)
-        self.sun, self.sky = bands(now, now.sun) * scale, bands(now, now.sky) * scale
+        self.sun, self.sky, self.lux = (x * scale for x in (bands(now, now.sun), bands(now, now.sky), lux))
         self._cloud = cloud
         self._clear = np.ones(3)
         middles = (np.arange(12) + 0.5) / 12.0  # sines, of bands of one size

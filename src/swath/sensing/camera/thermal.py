@@ -35,6 +35,7 @@ from swath.field.heat import (
     HEAT,
     STRAW_ABSORBS,
     STRAW_EMITS,
+    black_body,
     resistance,
     sky_radiation,
     wind_of,
@@ -49,7 +50,6 @@ from swath.sensing.camera.rays import Channel, SceneCamera, Sight, cells, pinhol
 from swath.sensing.camera.rays import Params as PinholeParams
 from swath.signals import F64
 
-FIRST, SECOND = 3.741771852e-16, 1.438776877e-2  # radiation constants [W m2, m K]
 BAND = 8e-6, 14e-6  # [m]
 CENTIKELVIN = 100.0  # counts per kelvin of `raw`
 # absorbed of sunlight, emissivity at 8 to 14 um, share of the net radiation that goes elsewhere: estimates
@@ -132,8 +132,7 @@ def _table() -> tuple[F64, F64]:
     """Temperatures [K] and the exitance of a black body in BAND [W/m2], by Simpson's rule."""
     temperature, wave = np.arange(150.0, 450.5, 0.5), np.linspace(*BAND, 61)
     weight = np.array([1.0, *[4.0, 2.0] * 29, 4.0, 1.0]) * (wave[1] - wave[0]) / 3.0
-    planck = FIRST / wave**5 / (portable.exp(SECOND / (wave * temperature[:, None])) - 1.0)
-    return temperature, np.asarray((planck * weight).sum(axis=1))
+    return temperature, np.asarray((black_body(wave, temperature[:, None]) * weight).sum(axis=1))
 
 
 def exitance(temperature: F64 | float) -> F64:
