@@ -42,8 +42,9 @@ ABOUT_DRIVING = (
     "loses speed."
 )
 ABOUT_FLOW = (
-    "Widths are masses, over the whole run; what is still inside at its end is missing at the right. Below: "
-    "grain that leaves the machine with straw and chaff."
+    "Widths are masses, over the whole run; what is still inside at its end is missing at the right. "
+    "Shares are of the grain that came out up to then, those in the results of what leaves together. "
+    "Below: grain that leaves the machine with straw and chaff."
 )
 
 
