@@ -427,6 +427,7 @@ THRESHES = {
     "combine.crop_flow": {"level": "counted", "loss_hits_per_kg": 0, "camera_noise_percent": 0},
 }
 BROKEN = 13
+CLIMBS = {**THRESHES, "combine.settings": {"level": "climb"}}
 
 
 def threshed(action):
@@ -450,12 +451,31 @@ def test_settings_are_an_action():
     assert more == pytest.approx(power * 1.2 * 0.8**-0.2, rel=0.1)
 
 
+def test_settings_that_are_no_action_stay_as_the_scenario_has_them():
+    said = {"level": "fixed", "rate_hz": 10, "concave_mm": 8, "drum_rpm": 600}
+    env = swath.Env(
+        "straight", sets={**THRESHES, "combine.settings": said}, settings=["fan_rpm", "drum_rpm"], steer=False
+    )
+    env.reset(seed=1)
+    env.step([0.0, 0.5])
+    now = env.world.graph.latest("combine.settings", "settings")
+    assert now.concave == pytest.approx(0.008)
+    assert now.drum == pytest.approx(1.2 * 600.0 * np.pi / 30.0)
+    assert np.isnan(now.upper)
+    assert now.fan > 0.0
+    env.close()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         ({"settings": ["drum"]}, "settings = drum: expected some of drum_rpm"),
         ({"settings": ["drum_rpm"], "sets": SETS}, "expected organs, by sets=.*combine.settings"),
         ({"settings": ["drum_rpm"], "settings_percent": 100}, "settings_percent = 100: expected > 0"),
+        ({"settings": ["drum_rpm"], "settings_percent": "ten"}, "settings_percent = ten: expected a number"),
+        ({"settings": "drum_rpm"}, "settings = drum_rpm: expected a list"),
+        ({"settings": ["drum_rpm", "drum_rpm"]}, "each once"),
+        ({"settings": ["drum_rpm"], "sets": CLIMBS}, "combine.settings.level = climb: expected fixed"),
         ({"steer": False}, "steer = False: expected an action"),
     ],
 )

@@ -47,6 +47,8 @@ OF_CROP = (  # with settings, too: name, output of `crop_flow` and its field, la
 )  # fmt: skip
 OUTSIDE = 1e-6  # of an action beyond its space: more than float32 rounds off
 
+FIXED = ("fixed", "table")  # levels of settings in whose place a policy may be
+
 
 class Commanded(InWorlds):
     """A part of a machine that sends what it was given last.
@@ -162,6 +164,10 @@ class Task:
             raise InputError("machine", machine, f"expected one of {', '.join(first.machines)}")
         self.period, self.limits_period = round(period_s * NS), round(limits_s * NS)
         self.with_steer, self.with_speed, self.top = steer, speed, speed_kmh * KMH
+        if isinstance(settings, str) or not isinstance(settings, Sequence):
+            raise InputError("settings", settings, f"expected a list with some of {', '.join(UNITS)}")
+        if not isinstance(settings_percent, float | int):
+            raise InputError("settings_percent", settings_percent, "expected a number")
         self.settings, self.change = tuple(settings), settings_percent * PERCENT
         self.slot = self.flow = ""  # of the settings, and of the sensors of what becomes of the crop
         if self.settings:
@@ -211,20 +217,24 @@ class Task:
         return Driven(seed, world, tuple(told.values()), wanted)
 
     def _settings_of(self, world: World, machine: Machine) -> Commanded:
-        """Settings around those that the machine has for its crop."""
-        own = own_settings(machine.sheet.works, str(world.field.stand.crop))
-        fields = dict(zip(UNITS, NAMES, strict=True))
+        """Settings around those of the scenario, else those that the machine has for its crop."""
+        said, fields = machine.slots[self.slot].params, dict(zip(UNITS, NAMES, strict=True))
+        given = {
+            f: getattr(said, key) * UNITS[key] for key, f in fields.items() if getattr(said, key) is not None
+        }
+        own = own_settings(machine.sheet.works, str(world.field.stand.crop), OrganSettings(0, **given))
         scales = {
             fields[key]: lambda a, own=own[fields[key]]: own * (1.0 + self.change * a)
             for key in self.settings
         }
-        return Commanded("settings", OrganSettings, scales, [own[name] for name in scales])
+        rest = {name: value for name, value in given.items() if name not in scales}
+        return Commanded("settings", OrganSettings, scales, [own[name] for name in scales], **rest)
 
     def _with_organs(self, scenario: Scenario, percent: float) -> tuple[str, str]:
         """Slots of the settings and of the sensors on the crop's way. InputError without them."""
         for key in self.settings:
-            if key not in UNITS:
-                raise InputError("settings", key, f"expected some of {', '.join(UNITS)}")
+            if key not in UNITS or self.settings.count(key) > 1:
+                raise InputError("settings", key, f"expected some of {', '.join(UNITS)}, each once")
         if not 0.0 < percent < 100.0:
             raise InputError("settings_percent", percent, "expected > 0 and < 100")
         there, name = scenario.machines[self.machine].slots, self.machine
@@ -234,6 +244,9 @@ class Task:
             such = {"process.level": "organs", "settings": "fixed", "crop_flow": "counted"}
             sets = {f"{name}.{key}": level for key, level in such.items()}
             raise InputError("settings", list(self.settings), f"expected organs, by sets={sets}")
+        if (level := there[slots[0][0]].level) not in FIXED:
+            expected = f"expected {' or '.join(FIXED)}, which the policy sets"
+            raise InputError(f"{name}.{slots[0][0]}.level", level, expected)
         return slots[0][0], slots[1][0]
 
     def checked(self, actions: Any, shape: tuple[int, ...]) -> np.ndarray:

@@ -97,8 +97,9 @@ def test_a_file_gives_the_weather_between_its_hours(tmp_path):
     assert weather.at(9 * HOUR).rain == 6.0
     assert weather.may_be_dim
     assert weather.beyond(HOUR) == []
-    for said in (weather.beyond(2 * HOUR), weather.beyond()):
-        assert said == ["field.weather: beyond the hours of its file, 12 to 14, its nearest row is taken"]
+    nearest = "beyond the hours of its file, 12 to 14, its nearest row is taken"
+    assert weather.beyond(2 * HOUR) == [f"field.weather: {nearest}"]
+    assert weather.beyond() == [f"field.weather: straw dries through a whole day; {nearest}"]
     for text, expected in (
         ("hour,rain_mm_h\n12,0\n14,-1", r"rain_mm_h = -1.0: expected >= 0 \(.*:3\)"),
         ("hour,wind_m_s\n12,3\n14,1e9", r"wind_m_s = 1000000000.0: expected <= 30 \(.*:3\)"),

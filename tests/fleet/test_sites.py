@@ -70,13 +70,14 @@ def test_machines_leave_by_the_gate_and_along_the_way_that_a_job_says():
     out = far[(far[:, 0] < -70.0) & (far[:, 0] > -150.0)]
     assert len(out)
     assert out[:, 1].max() < -25.0
+    assert not [n for n in made.ground.notes if "ways_m" in n]
     again = schedule_of(turned(job, 51.0, 700.0))
     assert again.ends == pytest.approx(made.ends, rel=0.002)
 
 
-@pytest.mark.parametrize("gate", [(45.0, 30.0), (90.2, 30.0)])
-def test_a_gate_in_the_field_is_refused(gate):
-    with pytest.raises(InputError, match=r"truck\.gate_m = .*at least 1 m outside"):
+@pytest.mark.parametrize("gate", [(45.0, 30.0), (90.2, 30.0), (45.0, -6400.0)])
+def test_a_gate_in_the_field_or_far_from_it_is_refused(gate):
+    with pytest.raises(InputError, match=r"truck\.gate_m = .*1 to 90 m outside"):
         ground_of(job_of(truck=TruckSettings(-30.0, 20.0, gate_m=gate)))
 
 
@@ -133,3 +134,10 @@ def test_tanks_are_emptied_off_the_lands_where_a_job_says_so(unload):
             inside.append(bool(shapely_here().contains_xy(lands, *xy.T).any()))
     assert len(inside) > 1
     assert any(inside) is (unload == "anywhere")
+
+
+def test_a_way_that_ends_on_the_way_is_noted():
+    way = [(45.0, -20.0), (-30.0, -45.0), (-100.0, -100.0)]
+    truck = TruckSettings(-220.0, 20.0, gate_m=(45.0, -5.0))
+    ground = ground_of(job_of(FieldSettings(RING, ways_m=[way]), truck))
+    assert [n for n in ground.notes if "no way of field.ways_m leads from the gate to the truck" in n]

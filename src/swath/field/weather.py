@@ -151,7 +151,8 @@ class SiteWeather:
         if (begin <= 0.0 and end >= 24.0) or (t is not None and hour_of(self.start) + t / NS / HOUR <= end):
             return []
         said = f"beyond the hours of its file, {begin:g} to {end:g}, its nearest row is taken"
-        return [f"field.weather: {said}"]
+        why = "straw dries through a whole day; " if t is None else ""
+        return [f"field.weather: {why}{said}"]
 
     def at(self, t: int) -> Air:
         """The air at a time of the run [ns]."""

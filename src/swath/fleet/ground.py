@@ -140,6 +140,10 @@ class Ground:
         together = shapely.get_parts(shapely.union_all([*yards, *ways]))
         if ways and any(shapely.intersects(part, yards).all() for part in together):
             return [*yards, *ways]
+        if ways:
+            self.notes.append(
+                "no way of field.ways_m leads from the gate to the truck: a straight one is taken"
+            )
         road = shapely.LineString([self.gate, place]) if math.dist(self.gate, place) > 1.0 else None
         return [*yards, *ways] if road is None else [*yards, *ways, road.buffer(PARAMS.road_m)]
 
@@ -302,10 +306,11 @@ def _at_truck(
         raise InputError("truck", value, expected)
     at = place if outside is None else outside
     nearest, _ = shapely.get_coordinates(shapely.shortest_line(field, shapely.Point(at))).tolist()
-    if outside is not None and math.dist(nearest, outside) < 1.0:
+    far = 2.0 * PARAMS.yard_m
+    if outside is not None and not 1.0 <= math.dist(nearest, outside) <= far:
         assert job.truck.gate_m is not None
         value = "{:g}, {:g}".format(*job.truck.gate_m)
-        raise InputError("truck.gate_m", value, "expected a place at least 1 m outside of the field")
+        raise InputError("truck.gate_m", value, f"expected a place 1 to {far:g} m outside of the field")
     (u, v), (x, y) = (place - nearest).tolist(), (at - nearest).tolist()
     heading = math.atan2(v, u) - 0.5 * math.pi  # the truck on the far side, to the left
     out = heading + 0.5 * math.pi if outside is None else math.atan2(y, x)

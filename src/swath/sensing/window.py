@@ -73,8 +73,10 @@ class Params:
 
     def __post_init__(self) -> None:
         if not self.serious_percent <= self.error_percent <= self.warning_percent:
-            expected = "expected serious_percent <= error_percent <= warning_percent"
-            raise InputError("error_percent", self.error_percent, expected)
+            names = ("error_percent", "warning_percent", "serious_percent")
+            said = next(name for name in names if getattr(self, name) != getattr(Params, name))
+            expected = "expected serious_percent <= error_percent <= warning_percent, 70 80 90 by default"
+            raise InputError(said, getattr(self, said), expected)
 
 
 def transmission(mass: F64, factor: float = 1.0) -> F64:
