@@ -7,6 +7,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.field.field_setup import FieldSetup
+from swath.field.ground.soil import CONE_INDEX
 from swath.field.maps.band import GRAIN, MOISTURE, PLAIN, STEMS
 from swath.field.maps.raster import Raster
 from swath.field.terrain.dem import Dem, Params
@@ -286,3 +287,17 @@ def test_a_turned_map_of_heights_is_refused(turned, noise, tmp_path):
     other, _ = read_dem(write(tmp_path / "b.tif", turned(heights()).astype("f4"), unit="m"), GRID)
     with pytest.raises(InputError, match="dem = of the log's hills it shows"):
         against_log(other, log, tmp_path / "b.tif")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [(None, 1.0), ("kPa", 1.0), ("MPa", 1e3), ("Pa", 1e-3)])
+def test_a_map_of_the_cone_index_is_read_by_its_unit(tmp_path, unit, factor):
+    soil = np.random.default_rng(4).uniform(600.0, 1400.0, (20, 20))
+    file = write(tmp_path / "soil.tif", (soil / factor).astype("f8"), unit=unit)
+    found = Raster.from_geotiff(file, quantity=CONE_INDEX)
+    np.testing.assert_allclose(found.values, soil[::-1], rtol=1e-6)
+
+
+def test_a_map_of_the_cone_index_in_another_unit_is_refused(tmp_path):
+    file = write(tmp_path / "soil.tif", np.full((20, 20), 900.0), unit="m")
+    with pytest.raises(InputError, match="expected cone index in kPa in one of kpa, mpa, pa"):
+        Raster.from_geotiff(file, quantity=CONE_INDEX)

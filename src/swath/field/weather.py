@@ -56,7 +56,7 @@ class Weather:
     sun_azimuth_deg: direction of the sun, clockwise from north; none = by time and place
     sun_elevation_deg: elevation of the sun; none = by time and place
     time: when the run starts, such as `2026-07-25T13:34+02:00`; with the place of the field it gives the sun
-        (extra `light`)
+        (extras `light` and, for `field.origin`, `geo`)
     file: CSV with the column `hour`, hours of the day of `time`, and any of the keys above that are numbers,
         taken instead of them, linear between rows; of several rows the first and last hour enclose `time`
     """

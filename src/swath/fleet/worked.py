@@ -335,6 +335,6 @@ def _far_over(worked: Worked) -> list[str]:
     if not waits:
         return [over]
     minutes, name, why = max(waits, key=lambda wait: wait[0])
-    if minutes < 1.0:
+    if minutes < 0.5:
         return [over]
     return [f"{over}; the longest wait: {name}, {minutes:.0f} min for {why}"]

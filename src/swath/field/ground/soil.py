@@ -23,7 +23,8 @@ from swath.field.paging.pages import PageStore
 from swath.field.paging.stored_changes import Key
 
 Array = NDArray[np.float64]
-CONE_INDEX = Quantity("cone index in kPa", None, 10.0, 1e5, called=r"cone|penetr|strength")
+KPAS = {"kpa": 1.0, "mpa": 1e3, "pa": 1e-3}  # to kPa, which a map without a unit is in
+CONE_INDEX = Quantity("cone index in kPa", KPAS, 10.0, 1e5, called=r"cone|penetr|strength")
 
 
 @dataclass(frozen=True)
