@@ -8,7 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 
 from swath.core.foreign_code import allow_code
@@ -19,8 +19,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.pop("COLUMNS", None)  # lists are as wide as they take
 
 # The same cases in every run; HYPOTHESIS_PROFILE=search looks for new ones.
-settings.register_profile("same", derandomize=True)
-settings.register_profile("search", print_blob=True)
+SLOW = [HealthCheck.too_slow]  # asks the clock, which a busy machine fails
+settings.register_profile("same", derandomize=True, suppress_health_check=SLOW)
+settings.register_profile("search", print_blob=True, suppress_health_check=SLOW)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 LONGEST = (  # what asks the clock comes when CI has built its packages
