@@ -4,6 +4,8 @@ from pathlib import Path
 
 import warp as wp
 
+from swath.fleet.ground_kernel import source
+
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 
@@ -76,7 +78,7 @@ class Met:
     found: wp.array(dtype=wp.int32)
 
 
-@wp.func_native(_source("met"))
+@wp.func_native(source("convex") + _source("met"))
 def met(its: Met): ...  # noqa: ANN201
 
 

@@ -1,4 +1,4 @@
-// Which resources sweep the same ground: outlines that are convex touch unless a side of one separates them. The body of a
+// Which resources sweep the same ground: outlines that are convex touch unless a side of one separates them (convex.cpp). The body of a
 // native function; its arrays are those of kernel.py.
 //
 // numbers: resources, most pairs that there is room for; of each resource, in order of west: its box and its first outline
@@ -9,16 +9,6 @@ const double *point = (const double*)its.points.data, *box = (const double*)its.
 const int *start = (const int*)its.starts.data, *first = (const int*)its.first.data;
 int* out = (int*)its.found.data;
 const int count = (int)m[0], most = (int)m[1];
-auto apart = [](const double* a, const double* b) { return a[0] > b[2] || b[0] > a[2] || a[1] > b[3] || b[1] > a[3]; };
-auto separates = [](const double* a, int n, const double* b, int k) {  // a side of a has all of b outside
-  for (int i = 0; i < n; ++i) {
-    const double *p = a + 2 * i, *q = a + 2 * (i + 1 < n ? i + 1 : 0), dx = q[0] - p[0], dy = q[1] - p[1];
-    bool outside = true;
-    for (int j = 0; j < k && outside; ++j) outside = dx * (b[2 * j + 1] - p[1]) - dy * (b[2 * j] - p[0]) < 0.0;
-    if (outside) return true;
-  }
-  return false;
-};
 auto touch = [&](int i, int j) {
   for (int r = first[i]; r < first[i + 1]; ++r) {
     if (apart(part + 4 * r, box + 4 * j)) continue;

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from swath.api import Sets, load_scenario
-from swath.control.settings.fixed import UNITS
+from swath.control.settings.fixed import PRESETS, UNITS
 from swath.core.abilities import HasRange
 from swath.core.component import Port
 from swath.core.errors import Extra, InputError, SwathError
@@ -46,8 +46,7 @@ OF_CROP = (  # with settings, too: name, output of `crop_flow` and its field, la
     ("foreign", "quality", "foreign", 1.0),
 )  # fmt: skip
 OUTSIDE = 1e-6  # of an action beyond its space: more than float32 rounds off
-
-FIXED = ("fixed", "table")  # levels of settings in whose place a policy may be
+FIXED = "fixed", *PRESETS  # levels of settings in whose place a policy may be
 
 
 class Commanded(InWorlds):

@@ -23,12 +23,13 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     """A machine of a scenario that a policy drives; everything else is as in the scenario.
 
     Action, in [-1, 1]: path curvature as a share of the tightest turn, > 0 left; with `speed` also the wanted
-    speed, from 0 to `speed_kmh`, with `settings` these, 0 as the machine has them for its crop. Observation,
-    float32, shape (8,), what control may see: the detected edge beside the header end, and odometry, as
-    `OBSERVED` names them; 0 where no edge is found (confidence 0); with `settings` (15,), the sensors on the
-    crop's way, too, as `OF_CROP` names them. With `picture` or `scan` a dict of these `values` and of the
-    newest `picture` of the machine's first camera, sRGB uint8, (height, width, 3), black before there is one,
-    or the newest `scan` of its first LiDAR, ranges [m], (beams,), 0 = no echo.
+    speed, from 0 to `speed_kmh`, with `settings` these, 0 as the scenario sets them, else as the machine has
+    them for its crop. Observation, float32, shape (8,), what control may see: the detected edge beside the
+    header end, and odometry, as `OBSERVED` names them; 0 where no edge is found (confidence 0); with
+    `settings` (15,), the sensors on the crop's way, too, as `OF_CROP` names them. With `picture` or `scan` a
+    dict of these `values` and of the newest `picture` of the machine's first camera, sRGB uint8, (height,
+    width, 3), black before there is one, or the newest `scan` of its first LiDAR, ranges [m], (beams,), 0 =
+    no echo.
 
     The sum of all rewards of an episode is the share of `run.distance_m` that was driven, less, for every
     limit under `expect`, how far it is broken at the end: the excess relative to the bound, at most
@@ -54,7 +55,7 @@ class Env(gymnasium.Env):  # type: ignore[misc]
     settings : sequence of str
         Settings of the organs that the action has, too: keys of `settings: fixed`, such as `drum_rpm`.
     settings_percent : float
-        Greatest change of a setting by an action, of the machine's own for its crop [%].
+        Greatest change of a setting by an action, of what the scenario sets, else of the machine's own [%].
     limits_s : float
         Time after which limits are judged again [s]; those of the field are judged at the end.
     code : bool

@@ -5,9 +5,10 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
+from swath.core.units import HOUR
 from swath.field import wetness
 from swath.field.heat import STRAW_ABSORBS, STRAW_EMITS, resistance, saturation
-from swath.field.moisture import HOUR, Moisture
+from swath.field.moisture import Moisture
 from swath.field.weather import KELVIN, Air, Sun
 from tests.field.made_field import made_field
 

@@ -10,6 +10,7 @@ KMH = 1.0 / 3.6
 DEG = pi / 180.0
 DEG_PER_G = DEG / 9.80665  # rad per m/s2 of lateral acceleration
 KPA = 1e3
+HOUR = 3600.0
 MM = 1e-3
 CM = 1e-2
 MRAD = 1e-3

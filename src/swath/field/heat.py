@@ -18,7 +18,7 @@ from swath.field.weather import KELVIN, Air
 Array = NDArray[np.float64]
 
 BOLTZMANN = 5.670374419e-8  # [W/m2K4]
-FIRST, SECOND = 3.741771852e-16, 1.438776877e-2  # radiation constants [W m2, m K]
+FIRST, SECOND = 3.741771852e-16, 1.438776877e-2  # radiation constants, CODATA 2018 [W m2, m K]
 HEAT = 1.2 * 1005.0  # of air, density times heat capacity [J/m3K]
 KARMAN, CALM = 0.41, 0.5  # least wind [m/s]
 STRAW_ABSORBS, STRAW_EMITS = 0.65, 0.96  # of sunlight, at 8 to 14 um: estimates

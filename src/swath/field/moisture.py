@@ -9,13 +9,13 @@ from annotated_types import Ge, Gt, Le, MinLen
 from swath.core.errors import InputError
 from swath.core.estimate import Estimate
 from swath.core.schedule import NS
-from swath.core.units import PERCENT
+from swath.core.units import HOUR, PERCENT
 
 Percent = Annotated[float, Ge(0.0), Le(80.0)]
 Hour = Annotated[float, Ge(0.0), Le(24.0)]
 ByHour = Percent | Annotated[tuple[tuple[Hour, Percent], ...], MinLen(1)]
 FromWeather = ByHour | Literal["weather"]
-DAY, NOON, HOUR = 24.0, 12.0, 3600.0  # [h], [h], [s]
+DAY, NOON = 24.0, 12.0  # [h]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.errors import Extra, InputError
 from swath.core.schedule import NS
-from swath.core.units import DEG, PERCENT
+from swath.core.units import DEG, HOUR, PERCENT
 from swath.documents.number_table import column_names, read_numbers
 from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document
@@ -37,7 +37,6 @@ RainLaw = Literal["drops", "goodin"]
 LEFT_AT_MOR = 0.05  # of a beam after the meteorological optical range (WMO-No. 8)
 GREEN = 550e-9  # wavelength of visibilities [m]
 KELVIN = 273.15
-HOUR = 3600.0  # [s]
 SUN_STEP_S = 10  # the sun stands still so long; it moves by 0.04 deg
 
 
@@ -255,7 +254,7 @@ def _moment(text: str) -> datetime:
 
 def hour_of(moment: datetime) -> float:
     """Hour of its day."""
-    return moment.hour + moment.minute / 60.0 + moment.second / 3600.0
+    return moment.hour + moment.minute / 60.0 + moment.second / HOUR
 
 
 def _check_cell(name: str, value: float, path: Path, line: int) -> None:

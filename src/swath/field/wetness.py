@@ -18,7 +18,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.schedule import NS
-from swath.core.units import PERCENT
+from swath.core.units import HOUR, PERCENT
 from swath.field.heat import (
     BOLTZMANN,
     HEAT,
@@ -29,7 +29,7 @@ from swath.field.heat import (
     sky_radiation,
 )
 from swath.field.light import light
-from swath.field.moisture import DAY, HOUR, NOON, Moisture
+from swath.field.moisture import DAY, NOON, Moisture
 from swath.field.weather import Air, SiteWeather, hour_of
 from swath.signals import F64
 

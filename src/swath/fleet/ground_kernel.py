@@ -7,8 +7,9 @@ import warp as wp
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 
-def _source(name: str) -> str:
-    return (Path(__file__).parent / f"{name}.cpp").read_text(encoding="utf-8")
+def source(*names: str) -> str:
+    """Code of native functions from the .cpp files of this folder, one behind the other."""
+    return "".join((Path(__file__).parent / f"{name}.cpp").read_text(encoding="utf-8") for name in names)
 
 
 @wp.struct
@@ -37,7 +38,7 @@ class Search:
     found: wp.array(dtype=wp.float64)
 
 
-@wp.func_native(_source("search"))
+@wp.func_native(source("search"))
 def search(its: Search): ...
 
 
@@ -61,7 +62,7 @@ class Sweep:
     starts: wp.array(dtype=wp.int32)
 
 
-@wp.func_native(_source("sweep"))
+@wp.func_native(source("sweep"))
 def sweep(its: Sweep): ...
 
 
@@ -88,7 +89,7 @@ class Meets:
     found: wp.array(dtype=wp.int32)
 
 
-@wp.func_native(_source("meets"))
+@wp.func_native(source("convex", "meets"))
 def meets(its: Meets): ...
 
 
@@ -109,7 +110,7 @@ class Crop:
     times: wp.array(dtype=wp.float64)
 
 
-@wp.func_native(_source("crop"))
+@wp.func_native(source("crop"))
 def crop(its: Crop): ...
 
 

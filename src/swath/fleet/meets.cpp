@@ -1,5 +1,5 @@
 // Which segments of others sweep ground of each segment of a path: outlines that are convex touch unless a side of one
-// separates them. The body of a native function; its arrays are those of table.py.
+// separates them (convex.cpp). The body of a native function; its arrays are those of table.py.
 //
 // numbers: segments of the path, rectangles of each, segments of the table, segments of a block, the machine that is
 // left out, most pairs that there is room for; out: pairs found, all counted, those there is room for written
@@ -11,16 +11,6 @@ const int *own_start = (const int*)its.own_starts.data, *start = (const int*)its
 const int *first = (const int*)its.first_outline.data, *machine = (const int*)its.machines.data;
 int* out = (int*)its.found.data;
 const int rows = (int)m[0], rects = (int)m[1], count = (int)m[2], size = (int)m[3], but = (int)m[4], most = (int)m[5];
-auto apart = [](const double* a, const double* b) { return a[0] > b[2] || b[0] > a[2] || a[1] > b[3] || b[1] > a[3]; };
-auto separates = [](const double* a, int n, const double* b, int k) {  // a side of a has all of b outside
-  for (int i = 0; i < n; ++i) {
-    const double *p = a + 2 * i, *q = a + 2 * (i + 1 < n ? i + 1 : 0), dx = q[0] - p[0], dy = q[1] - p[1];
-    bool outside = true;
-    for (int j = 0; j < k && outside; ++j) outside = dx * (b[2 * j + 1] - p[1]) - dy * (b[2 * j] - p[0]) < 0.0;
-    if (outside) return true;
-  }
-  return false;
-};
 auto touch = [&](int i, int j) {
   for (int r = i * rects; r < (i + 1) * rects; ++r)
     for (int s = first[j]; s < first[j + 1]; ++s) {

@@ -27,7 +27,7 @@ from swath.core.estimate import Estimate
 from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.units import GRAM, PERCENT
+from swath.core.units import GRAM, HOUR, PERCENT
 from swath.field.field import Field
 from swath.field.plume import PLANT, fall_speed
 from swath.sensing.haze import extinction_at
@@ -35,7 +35,6 @@ from swath.signals import F64, WindowState
 from swath.signals.scan import WINDOW_STATES
 
 Percent = Annotated[float, Ge(0), Le(100)]
-HOUR = 3600.0  # [s]
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, Samples, in_world
-from swath.core.units import DEG, PERCENT
+from swath.core.units import DEG, HOUR, PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, repeatable, shared
 from swath.sensing import CHECKED
@@ -100,7 +100,6 @@ class Shaking(KeepsState):
 
 
 STANDARD_GRAVITY = 9.80665  # of the unit g in data sheets [m/s2]
-HOUR = 3600.0
 
 
 @dataclass(frozen=True)

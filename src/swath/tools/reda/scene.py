@@ -368,6 +368,7 @@ class RadarSensor:
         self._radar = rays.RaysRadar(params, scene.setup)
         self._bare = rays.RaysRadar(replace(params, stand_loss_percent=0.0), scene.setup)
         self._quiet = rays.RaysRadar(replace(params, noise="none"), scene.setup)
+        self._training = params.training
         self._stream = scene.stream.child(name)
         for radar in (self._radar, self._bare):
             radar.reset(self._stream)
@@ -418,7 +419,7 @@ class RadarSensor:
             column, place = np.unravel_index(alone.power.argmax(), alone.power.shape)
             a, s, p = (np.array([v]) for v in (alone.azimuth[column], alone.speed[column], place))
             strongest = float(alone.power[column, place] - 1.0)
-            around = float(surroundings(whole, radar.grid, a, s, p, rays.Params().training).mean())
+            around = float(surroundings(whole, radar.grid, a, s, p, self._training).mean())
         loss = _decibel(bare) - _decibel(echo)
         return _decibel(strongest / radar.gain), loss, _decibel(around / radar.gain)
 
