@@ -6,6 +6,7 @@ import pytest
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.runtime.assembly import assemble
+from swath.runtime.loop import drive
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.echo import with_false_echoes
 
@@ -85,3 +86,35 @@ def test_false_echoes_come_before_what_is_met_as_a_poisson_process():
 def test_light_without_a_sun_is_refused():
     with pytest.raises(InputError, match="with a sun"):
         scanner(None, "{shot_noise: 2}")
+
+
+@pytest.mark.parametrize("level", ["empirical", "plants", "profile"])
+def test_the_receiver_sees_the_light_of_the_hour(tmp_path, level):
+    """The sun of the file's hours rises by 60 deg within 10 s: the reach falls as closed forms have it."""
+    hours = "hour,sun_elevation_deg,sun_azimuth_deg\n12,-12,180\n12.00275,48,180\n13,48,180\n"
+    (tmp_path / "hours.csv").write_text(hours)
+    rays = "sub_rays: 1, " if level == "plants" else ""
+    text = f"""
+format: swath scenario 2
+name: dawn
+run: {{distance_m: 24, max_duration_s: 12}}
+field:
+  edge: {{shape: straight}}
+  weather: {{time: "2026-07-25T12:00+02:00", file: {tmp_path / "hours.csv"}}}
+machines:
+  combine:
+    motion: {{level: single_track, start_speed_kmh: 4}}
+    header: {{level: {"profile" if level == "profile" else "fixed_height"}}}
+    lidar: {{level: {level}, sector_deg: [-40, 40], {rays}daylight: {{shot_noise: 15}}}}
+    edge: likelihood_ratio
+    steer: preview
+    speed: {{speed_kmh: 4}}
+    steering: actuator
+"""
+    world = assemble(parse_scenario(text))
+    made = world.leader.parts["lidar"].scanner
+    dark = reach(made)
+    drive(world)
+    assert dark == pytest.approx(made.sheet.range_10, rel=1e-3)
+    assert reach(made) == pytest.approx(reach(scanner(48.0, "{shot_noise: 15}")), rel=1e-3)
+    assert made.least[0] == np.float32(made.least_energy)

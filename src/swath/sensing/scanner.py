@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
+from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.field.light import light
 from swath.field.site_setup import SiteSetup
+from swath.field.weather import SUN_STEP_S
 from swath.rays.sight import Sight
 from swath.sensing.echo import LIGHT_SPEED, AirBefore, ScannerWeather, least_energy, merging_gap
 from swath.sensing.haze import haze_along
@@ -107,6 +109,8 @@ class Scanner:
     echo_count: echoes per beam of a scan; angle_noise: one sigma of the beams' direction [rad], None = the
     sheet's; dropout: chance that a beam is lost
     noise: what the electronics add; sweep: where the beams of a sweep start
+    is_lit: its receiver knows light; least_energy: that is detected [1/m2]; least: the same for kernels, (1,)
+    false_per_m: echoes that noise makes on a metre of a beam
     """
 
     def __init__(
@@ -147,7 +151,10 @@ class Scanner:
             Port("truth", ScanTruth),
         )
         self.sweep = Sweep(self.mounting, self.beam_t)
-        self.least_energy, self.false_per_m = self._in_daylight()
+        self.is_lit = isinstance(params, OutdoorParams) and params.daylight.shot_noise > 0.0
+        self.least_energy, self.false_per_m, self._lit_at = least_energy(self.sheet.range_10), 0.0, -1
+        self.least = np.full(1, self.least_energy, np.float32)
+        self.see_light(0)
         dirt = params.window if isinstance(params, OutdoorParams) else None
         wide = max(self.sheet.beam.exit_diameter)
         self.window = None if dirt is None else Window(dirt, len(self.azimuth), wide)
@@ -156,22 +163,28 @@ class Scanner:
         self._blind_scans, self._has_echo = 0, False
         self.noise = Noise(self.sheet, is_on=params.noise == "data_sheet", angle=angle_noise, dropout=dropout)
 
-    def _in_daylight(self) -> tuple[float, float]:
-        """Least detectable energy [1/m2], and false echoes per metre of a beam, at the start of a run.
+    def see_light(self, t: int) -> None:
+        """Take the light at a time of the run [ns] into the receiver; it stays as long as the sun does."""
+        if self.is_lit and (step := t // (SUN_STEP_S * NS)) != self._lit_at:
+            self._lit_at = step
+            self.least_energy, self.false_per_m = self._in_daylight(step * SUN_STEP_S * NS)
+            self.least[0] = self.least_energy
+
+    def _in_daylight(self, t: int) -> tuple[float, float]:
+        """Least detectable energy [1/m2], and false echoes per metre of a beam, at a time of the run [ns].
 
         The light's shot noise adds to the amplifier's variance, x times it: a threshold that rises with both
         leaves (1 + x)^-1/4 of the reach; one that stays is crossed B / sqrt(3) exp(-threshold^2 / (2 (1 +
         x))) times a second, B the bandwidth of the pulse (Rice 1944, Bell System Technical Journal 23, 282).
         """
         dark, given = least_energy(self.sheet.range_10), self.params
-        if not isinstance(given, OutdoorParams) or given.daylight.shot_noise == 0.0:
-            return dark, 0.0
+        assert isinstance(given, OutdoorParams)
         weather = self.setup.field.weather
-        sun = None if weather is None else weather.sun(0)
+        sun = None if weather is None else weather.sun(t)
         if weather is None or sun is None:
             expected = "expected field.weather with a sun: sun_elevation_deg and sun_azimuth_deg, or time"
             raise InputError("daylight.shot_noise", given.daylight.shot_noise, expected)
-        now, full = light(sun.elevation, weather.at(0).cloud), light(0.5 * np.pi)
+        now, full = light(sun.elevation, weather.at(t).cloud), light(0.5 * np.pi)
         share = now.at(self.sheet.wavelength, now.level) / full.at(self.sheet.wavelength, full.level)
         x = given.daylight.shot_noise * share * full.lux / FULL_DAY
         if given.daylight.threshold_sd is None:
@@ -353,6 +366,7 @@ class ScanningLidar(KeepsState, ABC):
         origins, directions: world (beam_count, 3)
         met: distances of what the sub-rays meet [m], (beam_count, s), nan = nothing
         """
+        self.scanner.see_light(t)
         weather, field, haze = self.weather_at(t), self.setup.field, None
         reach, uniform = self.scanner.reach, weather.extinction_per_m or 0.0
         dusty = any(len(puffs.rows) for puffs in field.plumes.values())

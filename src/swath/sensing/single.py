@@ -183,7 +183,7 @@ class SingleRays:
         return filled(
             Electronics,
             range_min=sheet.range_min,
-            least_energy=self.scanner.least_energy,
+            least_energy=self.scanner.least,
             judged=self._judged,
             blind=self._blind,
             is_noisy=int(noise.is_on),

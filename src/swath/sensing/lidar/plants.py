@@ -66,7 +66,6 @@ class PlantsLidar(ScanningLidar):
             count=params.echoes or sheet.echo_count,
         )
         super().__init__(params, setup, echo_count=self.receiver.echo_count)
-        self.receiver = replace(self.receiver, least_energy=self.scanner.least_energy)
         if len(self.azimuth) * params.sub_rays > 4_000_000:
             raise InputError("sub_rays", params.sub_rays, "expected at most 4 million rays per scan")
         self.pattern = spot_pattern(params.sub_rays, self.sheet.beam.profile)
@@ -93,9 +92,10 @@ class PlantsLidar(ScanningLidar):
             reflectance = np.where(hits.organ == Organ.SOLID, reflectance, wet)
         albedo = (reflectance * hits.cosine).astype(np.float64)
         air = self.air(t, origins, axes[:, :, 0], distance)
+        receiver = replace(self.receiver, least_energy=self.scanner.least_energy)
         if air is not None:
-            distance, albedo = air.between(Bundle(distance, pattern.weight, albedo), self.receiver)
-        echoes = receive(Bundle(distance, pattern.weight, albedo), self.receiver)
+            distance, albedo = air.between(Bundle(distance, pattern.weight, albedo), receiver)
+        echoes = receive(Bundle(distance, pattern.weight, albedo), receiver)
         measured = self.scanner.noise.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)

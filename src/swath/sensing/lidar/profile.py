@@ -87,6 +87,7 @@ class Scanners(Sweeps):
         self._reach = AHEAD + max(part.scanner.reach for part in parts)
         self._flags = np.zeros((n, 1), np.int32)
         self._swinging = [part for part in parts if part.scanner.noise.angle != 0.0]
+        self._lit = [part.scanner for part in parts if part.scanner.is_lit]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Empty scans."""
@@ -142,17 +143,19 @@ class Scanners(Sweeps):
         before = shared(self.clock), shared(self.needs), sweeps, shared(states), shared(self.counts)
         scanned = [*before, *more, *map(shared, after)]
         return [
-            self.taking(0.5 * AHEAD, is_asked=bool(self._swinging)),
+            self.taking(0.5 * AHEAD, is_asked=bool(self._swinging or self._lit)),
             repeatable(kernel.scan_profiles, scanned, threads=self.worlds),
         ]
 
     def supply(self, stage: int) -> None:
-        """The ground that beams can reach and how they swing; after a sweep, what is to be said of it."""
+        """The ground that beams can reach, how they swing, the light; after a sweep, what is said of it."""
         end = int(self.clock[1])
         if stage == 0:
             self._lay()
             for part in self._swinging:
                 part.rays.swing(end)
+            for scanner in self._lit:
+                scanner.see_light(end)
             return
         scan, truth = self.sent["scan"].arrays, self.sent["truth"].arrays
         for world in np.flatnonzero(self._looked_at).tolist():

@@ -15,8 +15,8 @@ def _source(name: str) -> str:
 
 @wp.struct
 class Electronics:
-    """range_min [m]; least_energy: albedo / r2 that is just detected [1/m2]; judged: only echoes from this
-    kind of surface need it, -1 = all; blind: kind that gives no echo, -1 = none
+    """range_min [m]; least_energy: albedo / r2 that is just detected [1/m2], (1,); judged: only echoes from
+    this kind of surface need it, -1 = all; blind: kind that gives no echo, -1 = none
     is_noisy: 0 = no bias [m], noise and resolution [m]; sigma: rows (range, one sigma) [m], flat
     by_signal: rows of the logarithms of signal to noise ratio and one sigma [m], flat, may be empty
     at_reach: the ratio of the weakest echo
@@ -24,7 +24,7 @@ class Electronics:
     """
 
     range_min: float
-    least_energy: float
+    least_energy: wp.array(dtype=float)
     judged: int
     blind: int
     is_noisy: int

@@ -9,7 +9,7 @@ const int start = p * N, room = beams.normal.shape[1];
 const F r = load(beams.distance.data + start), albedo = load(beams.cosine.data + start) * load(beams.reflectance.data + start);
 const I what = loadi(beams.kind.data + start);
 I seen = (what > 0) & (what != e.blind) & (I)(r >= e.range_min);
-const F signal = albedo / (r * r * e.least_energy);  // received energy over the least detectable
+const F signal = albedo / (r * r * e.least_energy.data[0]);  // received energy over the least detectable
 seen &= ((what != e.judged) & (e.judged >= 0 ? -1 : 0)) | (I)(signal >= 1.0f);
 
 auto line = [&](const float* row, int rows, F x) -> F {  // straight between the points of a table, held outside
