@@ -41,19 +41,22 @@ class OnSoil(KeepsState):
         self.soil = soil or Soil(index, None, np.zeros((0, 4)), 3.0, has_ruts=False)
         self.tyres = [replace(tyre, cone_index=self.soil.index) for tyre in tyres_of(machine)]
         back, front, rear = machine.steered_x, 0.5 * machine.front_track, 0.5 * machine.rear_track
-        self._wheels = np.array([(0.0, 0.0, back, back), (front, -front, rear, -rear)])
+        self._wheels = (0.0, front), (0.0, -front), (back, rear), (back, -rear)
         self._last: F64 | None = None
+        self._under = [self.tyres[axle] for axle in (0, 0, 1, 1)]
 
     def places(self, x: float, y: float, yaw: float) -> F64:
         """World places (4, 2) [m] of the wheels of a machine."""
-        c, s, (ahead, left) = cos(yaw), sin(yaw), self._wheels
-        return np.column_stack([x + c * ahead - s * left, y + s * ahead + c * left])
+        c, s = cos(yaw), sin(yaw)
+        return np.array([(x + c * a - s * b, y + s * a + c * b) for a, b in self._wheels])
 
     def under(self, x: float, y: float, yaw: float) -> list[Brixius]:
         """The tyres on the soil that is under each."""
         found = self.soil.at(*self.places(x, y, yaw).T).tolist()
-        pairs = zip((0, 0, 1, 1), found, strict=True)
-        return [replace(self.tyres[axle], cone_index=index) for axle, index in pairs]
+        if found != [tyre.cone_index for tyre in self._under]:
+            pairs = zip(self._under, found, strict=True)
+            self._under = [replace(tyre, cone_index=index) for tyre, index in pairs]
+        return self._under
 
     def given(self, x: float, y: float, yaw: float, loads: tuple[float, float], slip: float) -> Given:
         """What the soil gives. loads: of the axles [N]; slip: of the driven wheels, in front."""
@@ -76,10 +79,12 @@ class OnSoil(KeepsState):
 
     def roll(self, x: float, y: float, yaw: float, loads: tuple[float, float]) -> None:
         """Leave ruts, once the machine has gone on far enough. loads: of the axles [N]."""
+        if not self.soil.has_ruts:
+            return
         now = self.places(x, y, yaw)
         if self._last is None:
             self._last = now
-        if not self.soil.has_ruts or hypot(*(now[0] - self._last[0])) < EVERY:
+        if hypot(*(now[0] - self._last[0]).tolist()) < EVERY:
             return
         rows = zip(
             self._last.tolist(),

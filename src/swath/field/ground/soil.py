@@ -52,6 +52,8 @@ class Soil:
         inside = (
             np.hypot(x[..., None] - self.spots[:, 0], y[..., None] - self.spots[:, 1]) <= self.spots[:, 2]
         )
+        if not inside.any():
+            return found
         softest = np.where(inside, self.spots[:, 3], np.inf).min(axis=-1, initial=np.inf)
         return np.where(np.isfinite(softest), softest, found)
 
