@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from benchmarks.credibility import PLAIN, met
 
+from swath.core.abilities import Meets
 from swath.core.frames import Pose
 from swath.core.registry import Checked
 from swath.core.schedule import NS
+from swath.field.light import light
+from swath.field.weather import fog_extinction
 from swath.judge.limits import exit_code_of
 from swath.report.page import _head
 from swath.runtime.assembly import assemble
@@ -26,7 +29,7 @@ from swath.runtime.credibility import (
 )
 from swath.runtime.job import run_unrecorded
 from swath.runtime.loop import drive
-from swath.runtime.met import QUANTITIES
+from swath.runtime.met import QUANTITIES, where_is
 from swath.scenario.scenario import load_scenario
 from swath.signals import MachineState
 from swath.terminal.outcome import result_of
@@ -259,6 +262,10 @@ def test_every_slot_says_of_every_attribute_inside_outside_or_not_checked(monkey
     given = {}
     for name, quantity in QUANTITIES.items():
         monkeypatch.setitem(QUANTITIES, name, replace(quantity, at=lambda where, name=name: given[name]))
+    for part in machine.parts.values():
+        if isinstance(part, Meets):
+            own = part.meets(MachineState(0, Pose.identity(), 0.0, 0.0, 0.0, 0.0, 0.0))
+            part.meets = lambda state, own=own: {name: given[name] for name in own}
 
     def told_of(values):
         given.update({name: 0.5 * sum(np.clip(q.plain, -10.0, 2000.0)) for name, q in QUANTITIES.items()})
@@ -295,3 +302,68 @@ def test_every_slot_says_of_every_attribute_inside_outside_or_not_checked(monkey
                 assert any(name in note and slot in note.rpartition(name)[2] for note in notes), (slot, name)
                 assert not told_of({})[1]
     assert pairs >= 85
+
+
+def _maybe(rng, low, high):
+    return round(float(rng.uniform(low, high)), 3) if rng.random() < 0.5 else None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_each_slot_meets_its_own_weather_light_and_soil_or_the_fields(seed):
+    """Drawn for the field and for each part; by hand, what which slot meets."""
+    rng = np.random.default_rng([76, seed])
+    site = {"rain_mm_h": _maybe(rng, 0, 60), "fog_mor_m": _maybe(rng, 50, 400),
+            "dust_per_m": _maybe(rng, 0, 0.6), "cloud_percent": _maybe(rng, 0, 100)}  # fmt: skip
+    high, sun, cloud = round(float(rng.uniform(-20, 60)), 3), _maybe(rng, -20, 60), _maybe(rng, 0, 100)
+    rain = {slot: _maybe(rng, 0, 60) for slot in ("lidar", "camera", "radar")}
+    dust = {slot: _maybe(rng, 0, 0.6) for slot in ("lidar", "camera")}
+    soil, own_soil, is_lit = _maybe(rng, 400, 3000), _maybe(rng, 400, 3000), rng.random() < 0.5
+    straw, own_straw = round(float(rng.uniform(5, 60)), 3), _maybe(rng, 5, 60)
+    keys = {
+        **{f"field.weather.{key}": value for key, value in site.items()},
+        "field.weather.sun_elevation_deg": high, "field.weather.sun_azimuth_deg": 180,
+        "combine.lidar.weather.rain_mm_h": rain["lidar"],
+        "combine.lidar.weather.extinction_per_m": dust["lidar"],
+        "combine.camera.weather.rain_mm_h": rain["camera"],
+        "combine.camera.weather.extinction_per_m": dust["camera"],
+        "combine.camera.sun_elevation_deg": sun, "combine.camera.cloud_percent": cloud,
+        "combine.radar.rain_mm_h": rain["radar"], "combine.radar.straw_moisture_percent": own_straw,
+        "combine.lidar.daylight.shot_noise": 5 if is_lit else 0,
+        "field.stand.straw_moisture_percent": straw, "field.soil.cone_index_kpa": soil,
+        "combine.motion.cone_index_kpa": own_soil, "combine.motion.soil": own_soil and "brixius",
+    }  # fmt: skip
+    sets = [f"{key}={value}" for key, value in keys.items() if value is not None]
+    world = assemble(load_scenario("straight", sets=[*FULL, *sets]))
+    world.graph.reset()
+    state = MachineState(0, Pose.identity(), 0.0, 0.0, 0.0, 0.0, 0.0)
+    seen = {(name, c.quantity): v for name, c, v in Scene(world).values("combine", state)}
+
+    def met(slot, name):
+        return seen.get((f"combine.{slot}", name), seen.get(("combine", name)))
+
+    def first(*values):
+        return next((v for v in values if v is not None), 0.0)
+
+    wave = {"lidar": world.leader.parts["lidar"].sheet.wavelength, "camera": 550e-9}
+    fog = {s: fog_extinction(site["fog_mor_m"] or math.inf, w) for s, w in wave.items()}
+    air = {s: first(dust[s], site["dust_per_m"]) + fog[s] for s in wave}
+    rains = {s: first(own, site["rain_mm_h"]) for s, own in rain.items()}
+    over = 0.01 * first(site["cloud_percent"])
+    lux = light(math.radians(high), over).lux if is_lit else 0.0
+    under = light(math.radians(high if sun is None else sun), over if cloud is None else 0.01 * cloud).lux
+    expected = {
+        **{(s, "rain_mm_h"): v for s, v in rains.items()}, ("edge", "rain_mm_h"): rains["lidar"],
+        **{(s, "dust_per_m"): v for s, v in air.items()}, ("edge", "dust_per_m"): air["lidar"],
+        ("lidar", "receiver_light_lx"): lux, ("edge", "receiver_light_lx"): lux,
+        ("camera", "light_lx"): under,
+        ("radar", "straw_moisture_percent"): straw if own_straw is None else own_straw,
+        ("lidar", "straw_moisture_percent"): straw, ("camera", "straw_moisture_percent"): straw,
+        ("motion", "cone_index_kpa"): own_soil or soil or math.nan,
+        ("steer", "cone_index_kpa"): own_soil or soil or math.nan,
+        ("powertrain", "cone_index_kpa"): soil or math.nan,
+    }  # fmt: skip
+    for (slot, name), value in expected.items():
+        assert met(slot, name) == pytest.approx(value, rel=1e-9, nan_ok=True), (slot, name)
+    whole = where_is(world.leader, world.field, state)
+    assert whole.value("rain_mm_h") == max(rains.values())
+    assert whole.value("dust_per_m") == max(air.values())

@@ -83,19 +83,24 @@ class CountsBeams(Protocol, metaclass=ByMembers):
 
 
 @runtime_checkable
-class MeetsRange(Protocol, metaclass=ByMembers):
-    """A part that was checked over ranges of its own, such as those of its table.
-
-    checked: these ranges, beside those of its level; meets: values of such quantities in its newest sample,
-    by name, (n,) each, none where the sample holds none
-    """
+class HasRanges(Protocol, metaclass=ByMembers):
+    """A part that was checked over ranges of its own, such as those of its table, beside its level's."""
 
     @property
     def checked(self) -> Sequence[Checked]:
         """Ranges over which the part was checked."""
 
-    def meets(self) -> Mapping[str, Any]:
-        """What the part met, by quantity."""
+
+@runtime_checkable
+class Meets(Protocol, metaclass=ByMembers):
+    """A part that says itself what it meets: its own weather where it has one, what its beams see.
+
+    meets: of a machine in a state, by quantity: a number, nan = it meets none; or values (n,) of its newest
+    sample
+    """
+
+    def meets(self, state: Any) -> Mapping[str, Any]:
+        """What the part meets, by quantity."""
 
 
 @runtime_checkable

@@ -34,7 +34,7 @@ GROUP, OWN = "swath.levels", "swath"  # of entry points; the package whose own c
 class Checked:
     """Range of a quantity of a run in which a level was checked.
 
-    quantity: of `runtime/met.py`, or one that the level's parts meet themselves (`core.abilities.MeetsRange`)
+    quantity: of `runtime/met.py`, or one that the level's parts meet themselves (`core.abilities.Meets`)
     low, high: in the unit of its name
     source: the test or page that checked it there
     """

@@ -31,6 +31,7 @@ from swath.documents.number_table import column_names, read_numbers
 from swath.documents.validation import near_miss, validate
 from swath.documents.yaml_document import Document
 from swath.field.field_setup import from_azimuth
+from swath.field.light import Light, light
 from swath.field.maps.projection import Origin
 
 RainLaw = Literal["drops", "goodin"]
@@ -166,6 +167,11 @@ class SiteWeather:
             return None
         step = t // (SUN_STEP_S * NS)
         return sun_at(self.start + timedelta(seconds=step * SUN_STEP_S), self._origin)
+
+    def light(self, t: int) -> Light | None:
+        """The light at a time of the run [ns]; None where the scenario says nothing of the sun."""
+        sun = self.sun(t)
+        return None if sun is None else light(sun.elevation, self.at(t).cloud)
 
     def params_at(self, t: int) -> Weather:
         """What the scenario and its file say at a time of the run [ns]."""

@@ -1,7 +1,8 @@
 """The four tyres of a machine on soil that gives way: what it takes from them, the ruts that they leave."""
 
+from collections.abc import Mapping
 from dataclasses import replace
-from math import cos, hypot, sin
+from math import cos, hypot, nan, sin
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from swath.field.ground.soil import Soil, Strip
 from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, loaded, masses_of
 from swath.machine.soil import Brixius, Grip
 from swath.machine.tyre import GRAVITY
-from swath.signals import F64
+from swath.signals import F64, MachineState
 from swath.signals.setup import MachineGeometry
 
 DEFAULT_KPA = 1200.0  # of `soil: brixius` where neither motion nor field say more
@@ -101,6 +102,12 @@ class OnSoil(KeepsState):
             ]
         )
         self._last = now
+
+
+def met_by(soil: OnSoil | None, state: MachineState) -> Mapping[str, Any]:
+    """What a motion level meets: the strength of the soil under the fixed axle, nan = firm."""
+    x, y, _ = state.pose.point(0.0, 0.0, 0.0)
+    return {"cone_index_kpa": nan if soil is None else float(soil.soil.at(x, y)) / KPA}
 
 
 def in_field(field: Any, machine: MachineGeometry) -> OnSoil | None:

@@ -1,7 +1,7 @@
 """Whether every level of a run was used inside the range in which it was checked.
 
 A level says in which ranges of which quantities it was checked (`core.registry.Checked`), a part may add
-those of its own table (`core.abilities.MeetsRange`). Once a metre the run looks at what it meets. A look is
+those of its own table (`core.abilities.HasRanges`). Once a metre the run looks at what it meets. A look is
 beyond a range when more than 2 % of its values are, and more than one of several: one echo decides nothing.
 A slot is `outside` with three such looks, or where all of fewer are such, `at the edge` with anything less
 beyond its range, else `inside`.
@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.abilities import MeetsRange
+from swath.core.abilities import HasRanges
 from swath.core.blocks import ShownToAll
 from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
@@ -29,7 +29,7 @@ from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import HasSignals, Metric, SeesAll
 from swath.judge.windows import FIELD
-from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, where_is
+from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, Where, where_is
 from swath.runtime.world import Machine, World
 from swath.signals import MachineState
 
@@ -95,19 +95,17 @@ class Scene:
         self.unchecked: dict[str, dict[str, list[str]]] = {}
         self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
         self.slots = {m.name: m.slots for m in world.machines.values()}
-        self._meeting: dict[str, set[str]] = {}  # slots whose parts say what they met
         self._fixed: dict[str, dict[str, float]] = {}  # of machines, by quantity
-        self._others: dict[str, list[tuple[str, Checked]]] = {}  # quantities that no level declares
+        self._asked: dict[str, list[tuple[str, str, Checked, tuple[str, ...]]]] = {}  # as `_ask` gives it
         for machine in world.machines.values():
             self._find_ranges(machine)
 
     def _find_ranges(self, machine: Machine) -> None:
         ranges = self.ranges[machine.name] = dict(_ranges_of(machine))
-        unchecked = self.unchecked[machine.name] = _unchecked(machine, ranges)
-        names = dict.fromkeys(name for own in unchecked.values() for name in own)
-        self._others[machine.name] = [(n, Checked(n, *QUANTITIES[n].plain, "")) for n in names]
+        self.unchecked[machine.name] = _unchecked(machine, ranges)
         self._fixed[machine.name] = {}
-        self._meeting[machine.name] = {s for s, p in machine.parts.items() if isinstance(p, MeetsRange)}
+        self._asked.pop(machine.name, None)
+        self._nodes = {node.slot.name: node for node in self.world.graph.nodes}
 
     def _take_changes(self, machine: Machine) -> None:
         """Levels and parameters that came in since the last look."""
@@ -118,31 +116,62 @@ class Scene:
             self._find_ranges(machine)
 
     def values(self, machine: str, state: MachineState) -> Iterator[tuple[str, Checked, Any]]:
-        """What a machine meets now, for each slot and range."""
+        """What a machine meets now, for each slot and range; of what no level declares for the machine, and
+        for slots that are told something else of it.
+        """
         about = self.world.machines[machine]
         self._take_changes(about)
         where, fixed = where_is(about, self.world.field, state), self._fixed[machine]
         known: dict[str, float] = {}
-
-        def value(name: str) -> float:
-            held = fixed if name in FIXED else known
-            if name not in held:
-                held[name] = QUANTITIES[name].at(where)
-            return held[name]
-
-        for slot, ranges in self.ranges[machine].items():
-            part = self.parts[machine][slot]
-            if about.parts.get(slot) is not part:
+        if machine not in self._asked:
+            self._asked[machine] = list(self._ask(about, where))
+        for subject, slot, checked, tellers in self._asked[machine]:
+            name = checked.quantity
+            if slot and about.parts.get(slot) is not self.parts[machine][slot]:
                 continue  # something from elsewhere has come into the slot, whose ranges these are not
-            met = part.meets() if part is not None and slot in self._meeting[machine] else {}
+            if slot in tellers:
+                yield subject, checked, where.told[slot][name]
+            elif tellers:
+                yield subject, checked, where.value(name, tellers)
+            else:
+                held = fixed if name in FIXED else known
+                if name not in held:
+                    held[name] = where.value(name, ())
+                yield subject, checked, held[name]
+
+    def _ask(self, machine: Machine, where: Where) -> Iterator[tuple[str, str, Checked, tuple[str, ...]]]:
+        """Whom a value counts for; the slot whose range it is, "" = only plain values are known; the range;
+        slots that tell the value, () = the field.
+        """
+        for slot, ranges in self.ranges[machine.name].items():
             for checked in ranges:
-                name = checked.quantity
-                if name not in met and name not in QUANTITIES:
-                    among = ", ".join((*QUANTITIES, *met))
-                    raise InputError(f"{machine}.{slot}.checked", name, f"expected one of {among}")
-                yield f"{machine}.{slot}", checked, met[name] if name in met else value(name)
-        for name, plain in self._others[machine]:
-            yield machine, plain, value(name)
+                if checked.quantity not in (known := (*QUANTITIES, *where.told.get(slot, ()))):
+                    key = f"{machine.name}.{slot}.checked"
+                    raise InputError(key, checked.quantity, f"expected one of {', '.join(known)}")
+                yield f"{machine.name}.{slot}", slot, checked, self._tellers(where, slot, checked.quantity)
+        found = {}
+        for slot, names in self.unchecked[machine.name].items():
+            for name in names:
+                tellers = self._tellers(where, slot, name)
+                subject = f"{machine.name}.{slot}" if tellers else machine.name
+                found[subject, name] = Checked(name, *QUANTITIES[name].plain, ""), tellers
+        for (subject, _), asked in found.items():
+            yield subject, "", *asked
+
+    def _tellers(self, where: Where, slot: str, name: str) -> tuple[str, ...]:
+        """Who says what a slot meets of a quantity: its part, or of control the nearest that it hears."""
+        machine, found = where.machine, dict[str, None]()
+        waiting, seen = [slot], {slot}
+        while waiting:
+            own = waiting.pop()
+            if name in where.told.get(own, ()) and (own == slot or isinstance(where.told[own][name], float)):
+                found[own] = None
+            elif machine.slots[slot].kind.is_control:
+                wires = self._nodes[f"{machine.name}.{own}"].wires.values()
+                of_it = [source.removeprefix(f"{machine.name}.") for source, _ in wires]
+                waiting += [n for n in of_it if n in machine.slots and n not in seen]
+                seen.update(of_it)
+        return tuple(found)
 
 
 def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dict[str, list[str]]:
@@ -159,7 +188,7 @@ def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dic
 def _ranges_of(machine: Machine) -> Iterator[tuple[str, tuple[Checked, ...]]]:
     for slot, choice in machine.slots.items():
         part = machine.parts.get(slot)
-        own = part.checked if isinstance(part, MeetsRange) else ()
+        own = part.checked if isinstance(part, HasRanges) else ()
         if part is not None and (found := (*choice.found.checked, *own)):
             yield slot, found
 
@@ -224,9 +253,11 @@ class Credibility(SeesAll):
         unchecked = self.scene.unchecked.items()
         named = {f"{machine}.{slot}": names for machine, own in unchecked for slot, names in own.items()}
         met: dict[str, dict[str, list[float]]] = {machine: {} for machine, _ in unchecked}
-        for (name, quantity), seen in self._seen.items():
-            if name in met and seen.looks:
-                met[name][quantity] = [_short(seen.low), _short(seen.high)]
+        for subject, own in unchecked:
+            for quantity in dict.fromkeys(q for names in own.values() for q in names):
+                among = [self._met(subject, slot, quantity) for slot in own if quantity in own[slot]]
+                if ends := [end for seen in among if seen.looks for end in (seen.low, seen.high)]:
+                    met[subject][quantity] = [_short(min(ends)), _short(max(ends))]
         chosen = [choice for m in self.scene.world.machines.values() for choice in m.slots.values()]
         return {
             "slots": slots,
@@ -243,8 +274,9 @@ class Credibility(SeesAll):
         for machine in self.scene.unchecked:
             said = []
             for name, slots in self._beyond_plain(machine):
-                seen, unit = self._seen[machine, name], QUANTITIES[name].unit
-                met = span((_short(seen.low), _short(seen.high))) + (f" {unit}" if unit != "1" else "")
+                seen, unit = [self._met(machine, slot, name) for slot in slots], QUANTITIES[name].unit
+                ends = min(s.low for s in seen), max(s.high for s in seen)
+                met = span((_short(ends[0]), _short(ends[1]))) + (f" {unit}" if unit != "1" else "")
                 said.append(f"{name} {met} ({', '.join(slots)})")
             if said:
                 yield f"{machine}: levels were not checked for {'; '.join(said)}"
@@ -252,10 +284,14 @@ class Credibility(SeesAll):
     def _beyond_plain(self, machine: str) -> Iterator[tuple[str, list[str]]]:
         """Quantities met beyond plain values, each with the slots whose levels were not checked for it."""
         for name in QUANTITIES:
-            seen = self._seen.get((machine, name), Seen())
             slots = [slot for slot, names in self.scene.unchecked[machine].items() if name in names]
-            if seen.beyond >= min(LOOKS, max(seen.looks, 1)) and slots:
-                yield name, slots
+            if beyond := [slot for slot in slots if self._met(machine, slot, name).state == OUTSIDE]:
+                yield name, beyond
+
+    def _met(self, machine: str, slot: str, quantity: str) -> Seen:
+        """What a slot met of a quantity for which its level declares no range."""
+        own = self._seen.get((f"{machine}.{slot}", quantity))
+        return own or self._seen.get((machine, quantity), Seen())
 
     def _never_checked(self) -> dict[str, list[str]]:
         found: dict[str, list[str]] = {}

@@ -1,7 +1,7 @@
 """What a run met: quantities of a machine and the field at every metre of its way.
 
 They are the truth, sampled where the machine is. A quantity is one function of the machine's state and the
-field.
+field, but where a part says itself what it meets (`core.abilities.Meets`), as one with its own weather does.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,19 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.abilities import Meets
 from swath.core.errors import InputError
 from swath.core.signal import Signal
-from swath.core.units import DEG, KPA, PERCENT
+from swath.core.units import KPA, PERCENT
 from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
-from swath.field.light import light
 from swath.field.weather import GREEN, extinction
-from swath.machine.on_soil import DEFAULT_KPA
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
-from swath.sensing.haze import extinction_at
-from swath.sensing.scanner import ScanningLidar
 from swath.signals import MachineState
 
 SUMMARY = "met"
@@ -61,10 +58,24 @@ class Where:
         ahead, behind, right, left = self.field.ground_height(*np.array(ends).T).tolist()
         return 100.0 * (ahead - behind) / BASE_M, 100.0 * (right - left) / BASE_M
 
+    @cached_property
+    def told(self) -> dict[str, Mapping[str, Any]]:
+        """What parts say that they meet, by slot."""
+        return {n: p.meets(self.state) for n, p in self.machine.parts.items() if isinstance(p, Meets)}
+
+    def value(self, name: str, slots: Sequence[str] | None = None) -> float:
+        """A quantity: the most that parts in these slots, None = in any, say in a number, else the field's;
+        nan where there is none.
+        """
+        among = self.told if slots is None else slots
+        said = [v for n in among if isinstance(v := self.told[n].get(name), float)]
+        known = [v for v in said if v == v]
+        return max(known, default=nan) if said else QUANTITIES[name].at(self)
+
 
 @dataclass(frozen=True)
 class Quantity:
-    """unit as in a scenario key; meaning: one line; at: its value, nan where there is none.
+    """unit as in a scenario key; meaning: one line; at: its value by the field, nan where there is none.
 
     touches: kinds of slots that it changes
     plain: values that need no word where a level of these was not checked for it
@@ -111,56 +122,20 @@ def _param(kind: str, name: str) -> Callable[[Where], float]:
     return at
 
 
-def _scanners(where: Where) -> list[ScanningLidar]:
-    return [part for part in where.machine.parts.values() if isinstance(part, ScanningLidar)]
-
-
 def _rain(where: Where) -> float:
-    """The most before its sensors: their own, else that of the weather."""
-    t, weather = where.state.t, where.field.weather
-    own = [scanner.weather_at(t).rain_mm_h or 0.0 for scanner in _scanners(where)]
-    said = [_param("camera", "weather.rain_mm_h")(where), _param("radar", "rain_mm_h")(where)]
-    site = 0.0 if weather is None else weather.at(t).rain
-    return max(*own, *(site if value != value else value for value in said), 0.0)
+    weather = where.field.weather
+    return 0.0 if weather is None else weather.at(where.state.t).rain
 
 
 def _dust(where: Where) -> float:
-    """The most before its sensors, with the plumes that drift past its scanners."""
-    t, weather, scanners = where.state.t, where.field.weather, _scanners(where)
-    least = [scanner.weather_at(t).extinction_per_m or 0.0 for scanner in scanners]
-    own = _param("camera", "weather.extinction_per_m")(where)
-    site = 0.0 if weather is None else extinction(replace(weather.at(t), rain=0.0), GREEN)
-    drifts = 0.0
-    if where.field.plumes and scanners:
-        places = np.array([where.state.pose.apply(s.mounting.position) for s in scanners])
-        places[:, 2] -= where.field.ground_height(places[:, 0], places[:, 1])
-        drifts = float(
-            np.sum([extinction_at(p.packed(), places) for p in where.field.plumes.values()], axis=0).max()
-        )
-    return max(*least, site if own != own else own, 0.0) + drifts
-
-
-def _lux(elevation: float, cloud: float) -> float:
-    return nan if elevation != elevation else light(elevation, cloud).lux
+    weather = where.field.weather
+    return 0.0 if weather is None else extinction(replace(weather.at(where.state.t), rain=0.0), GREEN)
 
 
 def _light(where: Where) -> float:
-    """On level ground: by the keys of its cameras, else by the weather; nan where nobody names a sun."""
-    t, weather = where.state.t, where.field.weather
-    elevation, cloud = DEG * _param("camera", "sun_elevation_deg")(where), 0.0
-    if weather is not None:
-        sun, cloud = weather.sun(t), weather.at(t).cloud
-        elevation = sun.elevation if elevation != elevation and sun is not None else elevation
-    return _lux(elevation, cloud)
-
-
-def _light_received(where: Where) -> float:
-    """Of the receivers that know light, at the start of the run."""
     weather = where.field.weather
-    sun = None if weather is None else weather.sun(0)
-    if weather is None or sun is None or not _param("lidar", "daylight.shot_noise")(where) > 0.0:
-        return 0.0
-    return _lux(sun.elevation, weather.at(0).cloud)
+    light = None if weather is None else weather.light(where.state.t)
+    return nan if light is None else light.lux
 
 
 def _friction(where: Where) -> float:
@@ -169,12 +144,8 @@ def _friction(where: Where) -> float:
 
 
 def _cone_index(where: Where) -> float:
-    """Of the soil under the fixed axle, or the one that the motion level is told."""
-    own, soil = _param("motion", "cone_index_kpa")(where), where.field.soil
-    said = {getattr(c.params, "soil", None) for c in where.machine.slots.values() if c.kind.name == "motion"}
-    if "firm" in said or (soil is None and "brixius" not in said):
-        return nan
-    return own if own == own else DEFAULT_KPA if soil is None else float(soil.at(*where.place)) / KPA
+    soil = where.field.soil
+    return nan if soil is None else float(soil.at(*where.place)) / KPA
 
 
 def _roughness(where: Where) -> float:
@@ -215,7 +186,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "light_lx": Quantity("lx", "light on level ground, nan = no sun is named", _light, ("camera",),
                          (1000.0, 120_000.0)),
     "receiver_light_lx": Quantity("lx", "light on level ground, where receivers of scanners know it",
-                                  _light_received, ("lidar", "edge"), (0.0, 0.0)),
+                                  lambda w: 0.0, ("lidar", "edge"), (0.0, 0.0)),
     "straw_moisture_percent": Quantity("%", "water in the straw of the stand",
                                        lambda w: w.field.moisture.at(w.state.t)["straw_moisture"] / PERCENT,
                                        CROP, (5.0, 18.0)),
@@ -227,8 +198,7 @@ QUANTITIES: Mapping[str, Quantity] = {
 }  # fmt: skip
 # those that hang on the field and on parameters alone, wherever the machine is
 FIXED = frozenset((
-    "wind_lean_deg", "weeds_per_m2", "friction", "roughness_gd_m3", "receiver_light_lx", "other_crop",
-    "cutting_height_m",
+    "wind_lean_deg", "weeds_per_m2", "friction", "roughness_gd_m3", "other_crop", "cutting_height_m",
 ))  # fmt: skip
 
 
@@ -279,7 +249,7 @@ class MetHook(RunHook):
 
     def _row(self, state: MachineState) -> tuple[float, ...]:
         where = where_is(self._machine, self._field, state)
-        values = [_rounded(QUANTITIES[name].at(where)) for name in self._names]
+        values = [_rounded(where.value(name)) for name in self._names]
         return (_rounded(state.t / 1e9), _rounded(state.distance), *values)
 
     def summarize(self, t: int) -> dict[str, Any]:

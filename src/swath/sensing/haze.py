@@ -77,6 +77,14 @@ def haze_along(
     return _through(puffs, origins, directions, uniform, ground, reach, int(np.ceil(most / step)), step)
 
 
+def plumes_at(field: Field, place: F64) -> float:
+    """Extinction by the dust of machines at a world point (3,) [1/m]."""
+    if not field.plumes:
+        return 0.0
+    above = place[None] - (0.0, 0.0, float(field.ground_height(*place[:2].tolist())))
+    return float(sum(extinction_at(puffs.packed(), above)[0] for puffs in field.plumes.values()))
+
+
 def extinction_at(puffs: F64, points: F64) -> F64:
     """Extinction [1/m] by packed puffs (n, 6) at points x, y and height above the ground (m, 3), (m,)."""
     reach = np.ones(len(points))

@@ -5,9 +5,10 @@ which distance a beam has. Noise is that of the data sheet: range, constant bias
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import exp, sqrt
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -23,7 +24,7 @@ from swath.field.site_setup import SiteSetup
 from swath.field.weather import SUN_STEP_S
 from swath.rays.sight import Sight
 from swath.sensing.echo import LIGHT_SPEED, AirBefore, ScannerWeather, least_energy, merging_gap
-from swath.sensing.haze import haze_along
+from swath.sensing.haze import haze_along, plumes_at
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
@@ -359,6 +360,18 @@ class ScanningLidar(KeepsState, ABC):
         given = self.scanner.params
         own = given.weather if isinstance(given, OutdoorParams) else ScannerWeather()
         return own.under(self.setup.field.weather, t, self.sheet.wavelength)
+
+    def meets(self, state: MachineState) -> Mapping[str, Any]:
+        """Its weather, with the dust that drifts past it, and the light that its receiver knows."""
+        weather, field, given = self.weather_at(state.t), self.setup.field, self.scanner.params
+        is_lit = isinstance(given, OutdoorParams) and given.daylight.shot_noise > 0.0
+        light = field.weather.light(state.t) if is_lit and field.weather is not None else None
+        dust = plumes_at(field, state.pose.apply(self.mounting.position))
+        return {
+            "rain_mm_h": weather.rain_mm_h or 0.0,
+            "dust_per_m": (weather.extinction_per_m or 0.0) + dust,
+            "receiver_light_lx": 0.0 if light is None else light.lux,
+        }
 
     def air(self, t: int, origins: F64, directions: F64, met: F64) -> AirBefore | None:
         """What is between it and what its beams meet in the sweep that ends at t [ns], None = nothing.

@@ -5,6 +5,7 @@ feeder and header as masses, grain that shifts the centre of gravity. Equations:
 """
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import atan2, ceil, fsum, hypot, tan
 from typing import Annotated, Any, Literal
@@ -27,7 +28,7 @@ from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, masses_
 from swath.machine.motion import ON_SOIL
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
-from swath.machine.on_soil import OnSoil, soil_of
+from swath.machine.on_soil import OnSoil, met_by, soil_of
 from swath.machine.soil import Brixius, Firm, Grip
 from swath.machine.towing import DRIVEN
 from swath.machine.tyre import GRAVITY, axle_stiffness
@@ -101,6 +102,10 @@ class Multibody(KeepsState):
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data, self._spare = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._find()
+
+    def meets(self, state: MachineState) -> Mapping[str, Any]:
+        """The soil under it."""
+        return met_by(self._soil, state)
 
     def _find(self) -> None:
         """Numbers of bodies and joints in the model."""

@@ -24,7 +24,7 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import MachineSheet, dynamics_of, loaded
 from swath.machine.motion import ON_SOIL
 from swath.machine.motion.on_ground import OnGround
-from swath.machine.on_soil import OnSoil, soil_of
+from swath.machine.on_soil import OnSoil, met_by, soil_of
 from swath.machine.soil import Grip
 from swath.machine.towing import DRIVEN, ports_of, towed_by
 from swath.machine.traction import Traction, check_wheel_slip, pull, traction_of, wheels_of
@@ -33,6 +33,7 @@ from swath.signals import (
     F64,
     HeapState,
     MachineLoad,
+    MachineState,
     WheelState,
 )
 
@@ -104,6 +105,10 @@ class SingleTrack(InWorlds):
     def together(cls, parts: Sequence["SingleTrack"]) -> "Cars":
         """Make one object that steps these parts of many worlds together."""
         return Cars(parts)
+
+    def meets(self, state: MachineState) -> Mapping[str, Any]:
+        """The soil under it."""
+        return met_by(self.soil, state)
 
     @property
     def axle_loads(self) -> tuple[float, float]:

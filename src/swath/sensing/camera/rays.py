@@ -13,7 +13,7 @@ counts. Depth and time stay; light and shadow on the thing are those of the time
 the exposure is left out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import hypot, isqrt
 from typing import Annotated, Any, ClassVar, Literal
@@ -29,6 +29,7 @@ from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.units import DEG, PERCENT
+from swath.field.light import light
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import SiteSetup
 from swath.field.solid.contact import bounds, parts_of
@@ -44,6 +45,7 @@ from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
 from swath.sensing.camera.shading import Daylight, encode
 from swath.sensing.echo import Weather
+from swath.sensing.haze import plumes_at
 from swath.sensing.mount import Mount, poses_at
 from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState
 from swath.signals.image import ImageBoxes, empty_image
@@ -257,6 +259,17 @@ class SceneCamera(KeepsState):
         """The light of a picture at a time of the run [ns]."""
         brightest = max((w.candela for w in self.params.work_lights), default=0.0)
         return Daylight(*self.sky(t), brightest / WORK_DISTANCE**2)
+
+    def meets(self, state: MachineState) -> Mapping[str, Any]:
+        """Its weather, with the dust that drifts past it, and the light of its sun on level ground."""
+        field, (sun, cloud) = self.setup.field, self.sky(state.t)
+        weather = self.params.weather.under(field.weather, state.t, GREEN)
+        dust = plumes_at(field, state.pose.apply(self.mounting.position))
+        return {
+            "rain_mm_h": weather.rain_mm_h or 0.0,
+            "dust_per_m": (weather.extinction_per_m or 0.0) + dust,
+            "light_lx": light(sun.elevation, cloud).lux,
+        }
 
     def _light_setup(self, t: int) -> LightSetup:
         p = self.params

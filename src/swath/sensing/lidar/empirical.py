@@ -31,7 +31,7 @@ from swath.sensing.lidar.sweeps import Sweeps, beams_of
 from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, table_names, valid_range
-from swath.signals import F64
+from swath.signals import F64, MachineState
 
 MOST_SHOWN = 5  # keys in a note
 LOOKED_AT = 200  # echoes of a scan
@@ -156,9 +156,9 @@ class TableLidar(InWorlds, ScanningLidar):
         compared = compared_stems(self.table)
         return found if compared is None else [compared, *found]
 
-    def meets(self) -> Mapping[str, F64]:
+    def meets(self, state: MachineState) -> Mapping[str, Any]:
         """How some echoes of the newest scan met standing crop: depression against the ground, spot, and the
-        mean lean of the stand there.
+        mean lean of the stand there; else as every scanner.
         """
         beams = self.rays.beams
         in_crop = np.flatnonzero(IS_CROP[beams.kind[: beams.count]])
@@ -171,7 +171,7 @@ class TableLidar(InWorlds, ScanningLidar):
         spot = self.beam["exit_diameter"] + self.beam["divergence"] * distance[:, 0]
         down = np.degrees(portable.arctan2(rise * ahead - along[:, 2], ahead))
         lean = np.degrees(self.setup.field.stand.lean(x, y)[0])
-        return {"depression_deg": down, "spot_mm": 1e3 * spot, "lean_deg": lean}
+        return {**super().meets(state), "depression_deg": down, "spot_mm": 1e3 * spot, "lean_deg": lean}
 
     def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
         """How far the ground rises on steps around places [m]."""

@@ -24,9 +24,10 @@ a person some cells before it.
 """
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import atan2, hypot, log, log10, pi, sqrt
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -45,7 +46,7 @@ from swath.sensing.radar.ideal import IdealRadar, Target, entry
 from swath.sensing.radar.ideal import Params as IdealParams
 from swath.sensing.radar.solid_rays import aimed, distances
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
-from swath.signals import F64
+from swath.signals import F64, MachineState
 from swath.signals.radar import RadarTargets, radar_targets_of
 
 TRAINING = 16  # bins on both sides together, as level `rays` has by default
@@ -151,11 +152,12 @@ class ErrorRadar(IdealRadar):
         self._e, self._is_noisy = params, params.noise == "data_sheet"
         high = self.sheet.frequency > 50e9
         own = params.straw_moisture_percent
-        moisture = setup.field.moisture.at(0)["straw_moisture"] if own is None else own * PERCENT
-        factor = wave_factor(self.sheet.frequency, self.sheet.polarisation, moisture, params.straw_wall)
+        self._moisture = setup.field.moisture.at(0)["straw_moisture"] if own is None else own * PERCENT
+        wave = self.sheet.frequency, self.sheet.polarisation
+        factor = wave_factor(*wave, self._moisture, params.straw_wall)
         self.wave = factor * params.stand_loss_percent * PERCENT
         self._loss_of_rain = RAIN["high" if high else "low"]
-        self._rain = self._rain_at(0)
+        self._rain = self._loss_at(0)
         self.threshold = -self.sheet.false_alarm_lg * log(10.0)
         self.stand = StandLoss(setup.field) if self.wave > 0.0 else None
         self._scatterers = Scatterers()
@@ -181,16 +183,26 @@ class ErrorRadar(IdealRadar):
         self._waiting.append(radar_targets_of(t + dt, strongest))
         return {"targets": self._waiting.popleft()}
 
+    def meets(self, state: MachineState) -> Mapping[str, Any]:
+        """Its rain, and the straw that it was told."""
+        return {
+            "rain_mm_h": self._rain_at(state.t),
+            "straw_moisture_percent": self._moisture / PERCENT,
+        }
+
     def _rain_at(self, t: int) -> float:
+        """Rain at a time of the run [ns], [mm/h]."""
+        weather, rain = self.setup.field.weather, self._e.rain_mm_h
+        return rain if rain is not None else 0.0 if weather is None else weather.at(t).rain
+
+    def _loss_at(self, t: int) -> float:
         """Loss in the rain at a time of the run [ns], one way [dB/m]."""
-        (k, a), weather, rain = self._loss_of_rain, self.setup.field.weather, self._e.rain_mm_h
-        if rain is None:
-            rain = 0.0 if weather is None else weather.at(t).rain
-        return float(k * rain**a / 1000.0)
+        k, a = self._loss_of_rain
+        return float(k * self._rain_at(t) ** a / 1000.0)
 
     def locate(self, now: int, inputs: Inputs) -> tuple[F64, F64, F64]:
         """As the ideal one, and in the rain of that time."""
-        self._rain = self._rain_at(now)
+        self._rain = self._loss_at(now)
         return super().locate(now, inputs)
 
     @property
