@@ -48,6 +48,7 @@ def test_the_wall_of_a_cart_hides_the_edge():
     """Tractor and box 2.4 m beside the edge, abreast of the header: without the filter no edge is found."""
     _, ended = driven()
     assert "no crop edge seen" in ended
+    assert ended.kind == "edge_lost"
 
 
 @pytest.mark.parametrize(("x", "y", "seed"), [(-2.4, 6.0, 1), (-2.2, 5.0, 11)])

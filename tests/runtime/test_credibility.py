@@ -116,6 +116,7 @@ def test_outside(sets, slot, quantity):
 
 def test_inside_and_how_far_off_the_level_may_be():
     summary = run(CHEAP)
+    assert summary["ended"] == {"reason": "distance", "text": ""}
     slots = summary["credibility"]["slots"]
     judged = ("motion", "header", "lidar", "odometry", "imu", "edge", "steer")
     assert {name: slot["state"] for name, slot in slots.items()} == {f"combine.{s}": INSIDE for s in judged}

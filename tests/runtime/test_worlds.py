@@ -122,6 +122,7 @@ def test_all_that_takes_worlds_at_once_is_the_same_alone(scenario, sets, vary):
         assert judged(run.summary) == judged(alone.summary)
     if not vary and "combine.edge.min_step_m" in sets:
         assert all("no crop edge seen" in " ".join(run.summary["notes"]) for run in made)
+        assert all(run.summary["ended"]["reason"] == "edge_lost" for run in made)
     if "field.edge.gaps" in sets:  # told where the initial edge goes on, not 1 m further in
         assert all(run.summary["edge_rmse_m"] < 0.1 for run in made)
         assert all(run.summary["edge_judged_share"] > 0.5 for run in made)

@@ -585,7 +585,8 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
             run.result.update(expect=[entry], credibility=outside, verdict="not judged", reason="not judged")
         elif number < 12:
             ended = "the run ended at 3.00 s: combine.speed: no crop edge seen"
-            run.result.update(never_checked={"combine.edge": ["rain_mm_h"]}, ended=ended)
+            end = {"reason": "edge_lost", "text": ended}
+            run.result.update(never_checked={"combine.edge": ["rain_mm_h"]}, ended=end)
             entry = {"subject": "combine", "name": "distance_m", "limit": {"min": 9}, "value": 2.0}
             run.result.update(expect=[entry | {"result": "fail"}], verdict="fail", reason="2 is less than 9")
     page = write_dossier(found, found.cells()).read_text()

@@ -37,3 +37,4 @@ def test_a_detector_ends_the_run(tmp_path):
     assert summary["incomplete"] is False
     (note,) = [n for n in summary["notes"] if "ended at" in n]
     assert note.endswith("combine.edge: no edge that I would steer by")
+    assert summary["ended"] == {"reason": "other", "text": note}

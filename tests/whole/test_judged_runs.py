@@ -106,6 +106,7 @@ def test_the_outcome_is_printed(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "combine gap: passes a gap" in said
     assert "the run ended at max_duration_s = 1.2, after" in said
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["ended"]["reason"] == "time"
     assert "fail    combine.lateral_p95_m after edge_lost, within_m 3: the window never opened" in said
 
 

@@ -25,3 +25,4 @@ def test_a_combine_that_rolls_over_ends_its_run(tmp_path):
     assert event["machine"] == "combine"
     assert 0.5 < event["t_s"] < 10.0
     assert any("the run ended at" in n and "combine: rolled over at" in n for n in summary["notes"])
+    assert summary["ended"]["reason"] == "rollover"

@@ -5,7 +5,7 @@ Whoever uses an ability asks `isinstance(part, EndsRun)`; a component has it by 
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 from swath.core.ability import ByMembers
 from swath.core.frames import Pose
@@ -120,12 +120,37 @@ class Closes(Protocol, metaclass=ByMembers):
         """Let go of what is held."""
 
 
+# why a run ended: its distance was driven, `max_duration_s`, Ctrl-C; what parts and evaluators say
+ENDINGS = (
+    "distance", "time", "stopped", "edge_lost", "log_over", "contact", "rollover", "stuck", "spill", "other",
+)  # fmt: skip
+DISTANCE, TIME, STOPPED, EDGE_LOST, LOG_OVER, *_, OTHER = ENDINGS
+
+
+class Ending(str):
+    """Why a run ended, in words. kind: one of ENDINGS."""
+
+    kind: str
+
+    def __new__(cls, text: str, kind: str = OTHER) -> Self:
+        """Words of a kind."""
+        made = super().__new__(cls, text)
+        made.kind = kind if kind in ENDINGS else OTHER
+        return made
+
+    @classmethod
+    def by(cls, who: str, why: str) -> Self:
+        """The same with who said it before it."""
+        return cls(f"{who}: {why}", why.kind if isinstance(why, Ending) else OTHER)
+
+
 @runtime_checkable
 class EndsRun(Protocol, metaclass=ByMembers):
     """A part, or an evaluator, that may end the run.
 
     end_reason: asked before every tick, with its time [ns], and of an evaluator where it was shown anything
-    since; a text ends the run before that tick and says why in the summary, an empty one lets it go on
+    since; a text ends the run before that tick and says why in the summary (an `Ending`: with its name), an
+    empty one lets it go on
     """
 
     def end_reason(self, t: int) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.abilities import EndsRun, StepsAnyLength
+from swath.core.abilities import Ending, EndsRun, StepsAnyLength
 from swath.core.blocks import Block, Blocks, Seen, Shown
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import SwathError, WiringError
@@ -271,10 +271,10 @@ class _Rank:
         """Why worlds are to end before the tick at t [ns]."""
         batch: Any = self.batch
         if len(self.parts) > 1 and isinstance(batch, EndsWorlds):
-            return {w: f"{self.name}: {batch.reasons[w]}" for w in going if batch.reasons.get(w)}
+            return {w: Ending.by(self.name, batch.reasons[w]) for w in going if batch.reasons.get(w)}
         parts: Sequence[Any] = self.parts
         found = ((world, parts[world].end_reason(t)) for world in going)
-        return {world: f"{self.name}: {reason}" for world, reason in found if reason}
+        return {world: Ending.by(self.name, reason) for world, reason in found if reason}
 
     def check(self, outputs: Any) -> None:
         """WiringError where a component gave what it does not declare."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-from swath.core.abilities import EndsRun, HasNotes
+from swath.core.abilities import OTHER, Ending, EndsRun, HasNotes
 from swath.core.blocks import Looker, Seen, no_look
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
@@ -200,7 +200,8 @@ class Evaluation:
         """Why an evaluator wants the run to end before the tick at t [ns]; "" where none does."""
         for subject, evaluator in self._ending:
             if reason := evaluator.end_reason(t):
-                return f"{subject}: {reason}"
+                events = evaluator.EVENTS if isinstance(evaluator, HasEvents) else (OTHER,)
+                return Ending.by(subject, Ending(reason, events[0]))
         return ""
 
     def check(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
-from swath.core.abilities import ReadsFiles
+from swath.core.abilities import DISTANCE, OTHER, STOPPED, TIME, Ending, ReadsFiles
 from swath.core.errors import InputError, SwathError
 from swath.core.files.whole_file import write_whole
 from swath.core.graph import Observer
@@ -387,12 +387,8 @@ class Running:
         if world.devices:
             summary["devices"] = {device.setup.name: device.summary() for device in world.devices}
             notes += [note for device in world.devices for note in device.notes]
-        if not incomplete and not world.graph.ended and not has_arrived(world):
-            run, driven = scenario.run, driven_m(world)
-            what = f"the run ended at max_duration_s = {run.max_duration_s:g}"
-            notes.append(f"{what}, after {driven:.2f} of {run.distance_m:g} m")
-        if world.graph.ended:
-            notes.append(f"the run ended at {world.graph.t / NS:.2f} s: {world.graph.ended}")
+        summary["ended"] = ended = _ended(world, incomplete=incomplete)
+        notes += [ended["text"]] if ended["text"] else []
         if (weather := world.field.weather) is not None:
             notes += [said for said in weather.beyond(world.graph.t) if said not in notes]
         if self.pacer is not None:
@@ -409,6 +405,18 @@ class Running:
         for hook in self._begun:
             summary |= hook.summarize(world.graph.t)
         return summary
+
+
+def _ended(world: World, *, incomplete: bool) -> dict[str, str]:
+    """Why a run ended: `reason`, one of ENDINGS; `text`, a note where its distance was not driven."""
+    run, why = world.scenario.run, world.graph.ended
+    if why:
+        kind = why.kind if isinstance(why, Ending) else OTHER
+        return {"reason": kind, "text": f"the run ended at {world.graph.t / NS:.2f} s: {why}"}
+    if incomplete or has_arrived(world):
+        return {"reason": STOPPED if incomplete else DISTANCE, "text": ""}
+    what = f"the run ended at max_duration_s = {run.max_duration_s:g}"
+    return {"reason": TIME, "text": f"{what}, after {driven_m(world):.2f} of {run.distance_m:g} m"}
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import numpy as np
 
 from swath.compiled import Compiled
 from swath.control.speed.guard import CHOICES, Guard
+from swath.core.abilities import EDGE_LOST, Ending
 from swath.core.component import State
 from swath.core.random import Stream
 from swath.core.rows import row_of
@@ -63,18 +64,19 @@ class EdgeGuards(Compiled):
     def supply(self, stage: int) -> None:
         """Machines that stopped because they no longer saw the edge."""
         for world in np.flatnonzero(self._driven.of["is_over"]).tolist():
-            self.reasons.setdefault(world, f"no crop edge seen for {self.blind[world]:.1f} m")
+            why = Ending(f"no crop edge seen for {self.blind[world]:.1f} m", EDGE_LOST)
+            self.reasons.setdefault(world, why)
 
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
-        return {"driven": self._driven.save(world), "reason": self.reasons.get(world, "")}
+        return {"driven": self._driven.save(world), "reason": str(self.reasons.get(world, ""))}
 
     def load(self, world: int, state: State) -> None:
         """Take on a state that `save` gave."""
         self._driven.load(world, state["driven"])
         self.reasons.pop(world, None)
         if state["reason"]:
-            self.reasons[world] = state["reason"]
+            self.reasons[world] = Ending(state["reason"], EDGE_LOST)
 
 
 class EdgeGuard:

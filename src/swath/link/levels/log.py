@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from swath.core.abilities import LOG_OVER, Ending
 from swath.core.component import Inputs, Outputs, Port, State
 from swath.core.errors import InputError
 from swath.core.frames import Pose
@@ -644,7 +645,8 @@ class LogPlayer:
         if done:
             self.ends_at = self._t + self._period
             last = min(made.last[0] for made in self._feeds if made.next is None and made.last is not None)
-            self.ending = f"the log of {', '.join(s.port.name for s in done)} ended at {last / NS:.2f} s"
+            said = f"the log of {', '.join(s.port.name for s in done)} ended at {last / NS:.2f} s"
+            self.ending = Ending(said, LOG_OVER)
 
     def _samples(self, source: Source, demux: Demux) -> Iterator[Timed]:
         """The samples of an output on the clock of the log."""

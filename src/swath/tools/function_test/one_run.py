@@ -26,7 +26,7 @@ from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
 
 NOT_METRICS = ("seed", "real_time_factor", "ray_count", "simulated_s", "wall_s")
-ENDED = "ended"  # why a run ended before its distance was driven
+ENDED = "ended"  # why a run ended: `reason`, `text`
 
 
 def scenario_of(run: PlannedRun) -> Scenario:
@@ -100,17 +100,12 @@ def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
         ],
         "digest": summary["digest"],
-        **({ENDED: ended} if (ended := ended_of(summary)) else {}),
+        ENDED: summary[ENDED],
         EDGE_US: _edge_us(summary.get("cost", {})),
         **({CREDIBILITY: outside} if outside else {}),
         **({NEVER_CHECKED: never} if (never := summary.get(CREDIBILITY, {}).get(NEVER_CHECKED)) else {}),
         **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING, MET) if key in summary},
     }
-
-
-def ended_of(summary: dict[str, Any]) -> str:
-    """Why a run ended before its distance was driven, as its note says it; "" where it did not."""
-    return next((note for note in summary.get("notes", ()) if note.startswith("the run ended")), "")
 
 
 def _edge_us(cost: dict[str, dict[str, float]]) -> float | None:

@@ -643,7 +643,7 @@ def _left(run: Driven) -> list[object]:
 
 def _run(folder: str, run: Driven) -> list[object]:
     point = ", ".join(f"{name.partition('.')[2]} {value}" for name, value in run.result["point"].items())
-    why = "; ".join(filter(None, (run.result["reason"], run.result.get(ENDED))))
+    why = "; ".join(filter(None, (run.result["reason"], run.result.get(ENDED, {}).get("text"))))
     return [element("code", again(folder, run.result)), why, point]
 
 
@@ -789,7 +789,7 @@ def _run_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
             "seed": run.result["seed"],
             "verdict": run.result["verdict"],
             "reason": run.result["reason"],
-            "ended": run.result.get(ENDED, ""),
+            "ended": run.result.get(ENDED, {}).get("reason", ""),
             "digest": run.result["digest"],
             "breaks": " ".join(broken_by(found.odd.file, run.result)),
             "again": again(found.folder.name, run.result),
