@@ -35,8 +35,8 @@ from swath.tools.function_test.case import find_cases
 from swath.tools.part.isolate import IsolatedPart
 
 FILE = Path(__file__).with_name("rows.json")
-# of a summary, not of what it is
-CLOCK = ("versions", "wall_s", "real_time_factor", "cost", "swath", "files", "inputs")
+# of a summary, not of what it is; `ended` stands in its notes
+CLOCK = ("versions", "wall_s", "real_time_factor", "cost", "swath", "files", "inputs", "ended")
 SCENARIOS = (
     "bend", "feed-rate", "gnss-lost", "laser-pilot", "look-ahead", "person-at-edge", "record-run",
     "second-pass", "straight", "two-combines", "two-scanners", "unload-on-the-go",
