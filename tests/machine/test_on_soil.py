@@ -101,7 +101,8 @@ def run(motion, seconds, *, speed=2.0):
 
 
 @pytest.mark.parametrize(
-    ("index", "rise", "apart"), [(350, 0.0, 0.02), (600, 0.0, 0.006), (900, 0.05, 0.006), (1800, 0.08, 0.006)]
+    ("index", "rise", "apart"),
+    [(350, 0.0, 0.02), (600, 0.0, 0.006), (900, 0.05, 0.006), (1800, 0.08, 0.006), (10_000, 0.08, 0.006)],
 )
 def test_both_levels_lose_the_same_speed(index, rise, apart):
     pytest.importorskip("mujoco", reason="needs the extra `multibody`")

@@ -22,6 +22,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the levels."""
     from swath.core.errors import InputError
     from swath.documents.validation import near_miss
+    from swath.runtime.met import untold
     from swath.scenario.slots import CATALOGUE
 
     slots = [slot.name for slot in CATALOGUE.slots]
@@ -53,6 +54,9 @@ def run(args: argparse.Namespace) -> int:
         ranges = [(name, c.quantity, c.span, c.source) for (_, name), own in checked.items() for c in own]
         if ranges:
             table(f"{args.slot}: ranges", ("level", "quantity", "checked", "by"), ranges)
+        for name in (n for _, n in checked if n not in CATALOGUE.registry.links()):
+            if names := untold(args.slot, {q for n, q, *_ in ranges if n == name}):
+                say(f"{name} has no range of {', '.join(names)}")
         _ports(args.slot)
         _parameters(args.slot)
     else:

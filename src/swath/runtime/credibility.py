@@ -29,7 +29,7 @@ from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import HasSignals, Metric, SeesAll
 from swath.judge.windows import FIELD
-from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, Where, where_is
+from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, Where, untold, where_is
 from swath.runtime.world import Machine, World
 from swath.signals import MachineState
 
@@ -178,8 +178,7 @@ def _unchecked(machine: Machine, ranges: Mapping[str, Sequence[Checked]]) -> dic
     """For each slot: the quantities that change what it does, and for which its level declares no range."""
     found = {}
     for slot, choice in machine.slots.items():
-        known = {checked.quantity for checked in ranges.get(slot, ())}
-        names = [n for n, q in QUANTITIES.items() if choice.kind.name in q.touches and n not in known]
+        names = untold(choice.kind.name, {checked.quantity for checked in ranges.get(slot, ())})
         if names and machine.parts.get(slot) is not None:
             found[slot] = names
     return found

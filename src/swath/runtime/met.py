@@ -4,7 +4,7 @@ They are the truth, sampled where the machine is. A quantity is one function of 
 field, but where a part says itself what it meets (`core.abilities.Meets`), as one with its own weather does.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import atan, atan2, cos, degrees, inf, nan, pi, sin
@@ -200,6 +200,11 @@ QUANTITIES: Mapping[str, Quantity] = {
 FIXED = frozenset((
     "wind_lean_deg", "weeds_per_m2", "friction", "roughness_gd_m3", "other_crop", "cutting_height_m",
 ))  # fmt: skip
+
+
+def untold(kind: str, known: Collection[str]) -> list[str]:
+    """Quantities that change what slots of a kind do, but for known ones."""
+    return [name for name, q in QUANTITIES.items() if kind in q.touches and name not in known]
 
 
 def check_quantities(names: Sequence[str]) -> None:

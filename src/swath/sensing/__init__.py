@@ -17,6 +17,7 @@ STEMS_SEEN = (
 )  # by rays against every stem
 CAMERA = (*STEMS_SEEN, Checked("dust_per_m", 0.0, 0.3, "tests/sensing/test_camera_error.py"))
 RANGES = "tests/sensing/test_plants_ranges.py"
-AIR = Checked("rain_mm_h", 0.0, 50.0, RANGES), Checked("dust_per_m", 0.0, 0.3, RANGES)  # of echoes
 BRIGHTEST = 120_000.0  # light of the brightest day that was checked [lx]
+RECEIVED = Checked("receiver_light_lx", 0.0, BRIGHTEST, "tests/sensing/test_daylight.py")
+AIR = Checked("rain_mm_h", 0.0, 50.0, RANGES), Checked("dust_per_m", 0.0, 0.3, RANGES), RECEIVED  # of echoes
 CHECKED = SPEED, TURN  # of sensors of motion, against closed forms, in the ranges of motion levels

@@ -18,7 +18,7 @@ from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.field.wetness import darkened
 from swath.rays.engine import RayCaster
-from swath.sensing import AIR, BRIGHTEST, RANGES, STEMS_SEEN
+from swath.sensing import AIR, RANGES, STEMS_SEEN
 from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
@@ -128,6 +128,5 @@ LEVEL = Level(
         *STEMS_SEEN,
         *AIR,
         Checked("straw_moisture_percent", 0.0, 80.0, RANGES),
-        Checked("receiver_light_lx", 0.0, BRIGHTEST, "tests/sensing/test_daylight.py"),
     ),
 )

@@ -22,6 +22,7 @@ from swath.kernels import Repeated, of_worlds, repeatable, shared
 from swath.kernels import filled as made
 from swath.rays.bodies import pack_canopy
 from swath.rays.single.buffers import CLAMPED, MISPLACED
+from swath.sensing import RECEIVED
 from swath.sensing.lidar.empirical import CHECKED, Params, TableLidar
 from swath.sensing.lidar.sweeps import Sweeps
 from swath.signals import F64
@@ -209,5 +210,5 @@ LEVEL = Level(
     "the beams of empirical over profiles along the edge, for many runs at once",
     cost="1/2 of empirical in one run; for batches see docs/explanation/kernels.md",
     tolerance="heights against empirical: Wasserstein-1 1.5 cm at crop, edge and stubble",
-    checked=CHECKED,
+    checked=(*CHECKED, RECEIVED),
 )
