@@ -12,7 +12,7 @@ with S the lidar ratio of `ScannerWeather`.
 import threading
 from dataclasses import dataclass
 from functools import cached_property
-from math import pi
+from math import fsum, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,7 @@ def plumes_at(field: Field, place: F64) -> float:
     if not field.plumes:
         return 0.0
     above = place[None] - (0.0, 0.0, float(field.ground_height(*place[:2].tolist())))
-    return float(sum(extinction_at(puffs.packed(), above)[0] for puffs in field.plumes.values()))
+    return fsum(extinction_at(puffs.packed(), above)[0] for puffs in field.plumes.values())
 
 
 def extinction_at(puffs: F64, points: F64) -> F64:
