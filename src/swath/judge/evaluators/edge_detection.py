@@ -149,7 +149,7 @@ def _pose_of(numbers: F64) -> Pose:
 class EdgeDetection(SeesAll, Later):
     """Detected against true edge, at the place ahead that the detector reports for.
 
-    What stands there is looked up at the time of the sample, and judged later, many samples together.
+    What stands there is looked up at the time of the sample, and judged with others, later or of other worlds.
     """
 
     OF_FIELD = False
@@ -191,11 +191,9 @@ class EdgeDetection(SeesAll, Later):
         self._newest: F64 | None = None  # row of those
 
     def take(self, seen: Seen) -> None:
-        """Note where the machine was; judge what was looked up."""
+        """Note where the machine was."""
         if (states := seen.of(MachineState)) is not None:
             self._states.take(states)
-        if len(self._rows) >= CHUNK:
-            self._judge_rows()
 
     @classmethod
     def see_all(cls, parts: Sequence["EdgeDetection"], slot: str, t: int, shown: ShownToAll) -> None:
@@ -257,7 +255,7 @@ class EdgeDetection(SeesAll, Later):
     def true_offset(self) -> float:
         """True edge at the newest judged sample, y in the machine frame [m], nan = there is none."""
         if self._rows:
-            return float(self._judge(self._rows[-1:], self._crop[-1:])[0, 2])
+            return float(_judge([self], self._rows[-1:], self._crop[-1:])[0, 2])
         return NAN if self._newest is None else float(self._newest[2])
 
     @property
@@ -276,7 +274,7 @@ class EdgeDetection(SeesAll, Later):
 
     def series(self, most: int | None = None) -> EdgeSeries:
         """The course of the run so far. most: samples, spread evenly, where there are more."""
-        self._judge_rows()
+        _judge_rows([self])
         table = self._judged.table(most)
         t, at, true, seen, found, exists, confidence, is_held, sd, wall = table.T
         error = -self.side * (seen - true)
@@ -292,42 +290,12 @@ class EdgeDetection(SeesAll, Later):
         index = np.minimum(np.searchsorted(series.t, asked), len(series.t) - 1)
         return np.where(series.t[index] == asked, getattr(series, name)[index], np.nan)
 
-    def _judge_rows(self) -> None:
-        if self._rows:
-            judged = self._judge(self._rows, self._crop)
-            self._judged.add(judged.ravel())
-            self._newest = judged[-1].copy()
-            self._rows, self._crop = [], []
-
-    def _judge(self, rows: Sequence[list[float]], packed: Sequence[NDArray[np.uint8]]) -> F64:
-        """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, wall."""
-        crop = np.unpackbits(np.stack(packed), axis=1, count=COUNT).astype(bool)
-        places = edges_of(crop)
-        at = np.full((len(rows), 1 + max(map(len, places))), NAN)
-        for k, own in enumerate(places):
-            at[k, : len(own)] = own
-        at = self._begin - self.side * STEP_M * at
-        table = np.array(rows)
-        t, distance, offset, confidence, is_held, sd = table[:, :6].T
-        found = (confidence > 0.0) & np.isfinite(offset)
-        exists = (np.abs(at - self._end_y) <= NEAR_M).any(axis=1)
-        seen = np.where(found, offset, NAN)
-        asked = np.where(found, seen, np.where(exists, self._end_y, NAN))
-        gap = np.abs(at - asked[:, None])
-        nearest = np.where(np.isfinite(gap), gap, np.inf).argmin(axis=1)
-        wall = np.where(np.isfinite(asked), at[np.arange(len(rows)), nearest], NAN)
-        line = self.lines(table[:, 6:])
-        true = np.where(np.isfinite(line), line, wall)
-        return np.stack([t, distance, true, seen, found, exists, confidence, is_held, sd, wall], axis=1)
-
     def lines(self, places: F64) -> F64:
-        """Lateral place of the line across a hole of the initial edge [m], (n,); nan where no hole is.
+        """Lateral place of the line across a hole of an edge with gaps [m], (n,); nan where no hole is.
 
         places: x, y of the header end at the detector's reference, then at the knife, then the machine's y
         axis, in the world, (n, 6)
         """
-        if not self.setup.gaps:
-            return np.full(len(places), NAN)
         holes = Holes(self.setup.edge, self.setup.gaps, 0.5 * self.setup.machine.geometry.header_width)
         return self._end_y + holes.line(places[:, :2], places[:, 4:], places[:, 2:4])
 
@@ -372,6 +340,53 @@ def _look(parts: Sequence[EdgeDetection], reported: F64, places: F64) -> None:
         judge._reference = at
         judge._rows.append(row)
         judge._crop.append(packed)
+    if len(parts) * len(parts[0]._rows) >= CHUNK:
+        _judge_rows(parts)
+
+
+def _judge_rows(parts: Sequence[EdgeDetection]) -> None:
+    """Judge what was looked up for several."""
+    if not (of := [judge for judge in parts for _ in judge._rows]):
+        return
+    rows, crop = [row for judge in parts for row in judge._rows], [c for judge in parts for c in judge._crop]
+    judged, end = _judge(of, rows, crop), 0
+    for judge in dict.fromkeys(of):
+        begin, end = end, end + len(judge._rows)
+        own = judged[begin:end]
+        judge._judged.add(own.ravel().tolist())
+        judge._newest = own[-1].copy()
+        judge._rows, judge._crop = [], []
+
+
+def _judge(
+    of: Sequence[EdgeDetection], rows: Sequence[list[float]], packed: Sequence[NDArray[np.uint8]]
+) -> F64:
+    """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, wall.
+
+    of: whose each row is
+    """
+    crop = np.unpackbits(np.stack(packed), axis=1, count=COUNT).astype(bool)
+    places = edges_of(crop)
+    at = np.full((len(rows), 1 + max(map(len, places))), NAN)
+    for k, own in enumerate(places):
+        at[k, : len(own)] = own
+    begin, step, end_y = np.array([(j._begin, j.side * STEP_M, j._end_y) for j in of]).T
+    at = begin[:, None] - step[:, None] * at
+    table = np.array(rows)
+    t, distance, offset, confidence, is_held, sd = table[:, :6].T
+    found = (confidence > 0.0) & np.isfinite(offset)
+    exists = (np.abs(at - end_y[:, None]) <= NEAR_M).any(axis=1)
+    seen = np.where(found, offset, NAN)
+    asked = np.where(found, seen, np.where(exists, end_y, NAN))
+    gap = np.abs(at - asked[:, None])
+    nearest = np.where(np.isfinite(gap), gap, np.inf).argmin(axis=1)
+    wall = np.where(np.isfinite(asked), at[np.arange(len(rows)), nearest], NAN)
+    true = wall.copy()
+    for judge in dict.fromkeys(judge for judge in of if judge.setup.gaps):
+        mine = [other is judge for other in of]
+        line = judge.lines(table[mine, 6:])
+        true[mine] = np.where(np.isfinite(line), line, wall[mine])
+    return np.stack([t, distance, true, seen, found, exists, confidence, is_held, sd, wall], axis=1)
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
