@@ -88,9 +88,9 @@ class KeptRows:
         for block in blocks:
             self._put(*block)
 
-    def add(self, row: Iterable[float]) -> None:
-        """Add a row, or rows one after the other."""
-        self._newest.extend(row)
+    def add(self, rows: Any) -> None:
+        """Add a row, or rows (n, width)."""
+        self._newest.frombytes(np.asarray(rows, dtype=float).tobytes())
         if len(self._newest) >= BLOCK * self._width:
             block = np.array(self._newest).reshape(-1, self._width)
             how, data = packed_columns.pack(block)

@@ -32,7 +32,7 @@ class HeaderPath:
             p, (a, b, _) = states["pose"][found].T, self._end
             x, y = p[3] * a + p[4] * b + p[0], p[6] * a + p[7] * b + p[1]
             rows = np.stack([states["t"][found] * 1e-9, states["distance"][found], x, y], axis=1)
-            self._rows.add(rows.ravel().tolist())
+            self._rows.add(rows)
 
     def arrays(self, most: int | None = None) -> tuple[F64, F64, F64, F64]:
         """Time [s], distance driven [m], x and y in the world [m], (n,) each. most: as in `KeptRows`."""

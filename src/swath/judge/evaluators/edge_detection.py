@@ -149,7 +149,7 @@ def _pose_of(numbers: F64) -> Pose:
 class EdgeDetection(SeesAll, Later):
     """Detected against true edge, at the place ahead that the detector reports for.
 
-    What stands there is looked up at the time of the sample, and judged with others, later or of other worlds.
+    What stands there is looked up at the time of the sample, and judged later, many together.
     """
 
     OF_FIELD = False
@@ -254,8 +254,7 @@ class EdgeDetection(SeesAll, Later):
     @property
     def true_offset(self) -> float:
         """True edge at the newest judged sample, y in the machine frame [m], nan = there is none."""
-        if self._rows:
-            return float(_judge([self], self._rows[-1:], self._crop[-1:])[0, 2])
+        _judge_rows([self])
         return NAN if self._newest is None else float(self._newest[2])
 
     @property
@@ -345,34 +344,17 @@ def _look(parts: Sequence[EdgeDetection], reported: F64, places: F64) -> None:
 
 
 def _judge_rows(parts: Sequence[EdgeDetection]) -> None:
-    """Judge what was looked up for several."""
+    """Judge what was looked up: rows of `KeptRows`, as `EdgeDetection.series` reads them."""
     if not (of := [judge for judge in parts for _ in judge._rows]):
         return
-    rows, crop = [row for judge in parts for row in judge._rows], [c for judge in parts for c in judge._crop]
-    judged, end = _judge(of, rows, crop), 0
-    for judge in dict.fromkeys(of):
-        begin, end = end, end + len(judge._rows)
-        own = judged[begin:end]
-        judge._judged.add(own.ravel().tolist())
-        judge._newest = own[-1].copy()
-        judge._rows, judge._crop = [], []
-
-
-def _judge(
-    of: Sequence[EdgeDetection], rows: Sequence[list[float]], packed: Sequence[NDArray[np.uint8]]
-) -> F64:
-    """Rows of t [ns], distance, true, seen, found, exists, confidence, is_held, offset_sd, wall.
-
-    of: whose each row is
-    """
-    crop = np.unpackbits(np.stack(packed), axis=1, count=COUNT).astype(bool)
-    places = edges_of(crop)
-    at = np.full((len(rows), 1 + max(map(len, places))), NAN)
+    table = np.array([row for judge in parts for row in judge._rows])
+    packed = np.stack([crop for judge in parts for crop in judge._crop])
+    places = edges_of(np.unpackbits(packed, axis=1, count=COUNT).astype(bool))
+    at = np.full((len(of), 1 + max(map(len, places))), NAN)
     for k, own in enumerate(places):
         at[k, : len(own)] = own
-    begin, step, end_y = np.array([(j._begin, j.side * STEP_M, j._end_y) for j in of]).T
-    at = begin[:, None] - step[:, None] * at
-    table = np.array(rows)
+    first, step, end_y = np.array([(j._begin, j.side * STEP_M, j._end_y) for j in of]).T
+    at = first[:, None] - step[:, None] * at
     t, distance, offset, confidence, is_held, sd = table[:, :6].T
     found = (confidence > 0.0) & np.isfinite(offset)
     exists = (np.abs(at - end_y[:, None]) <= NEAR_M).any(axis=1)
@@ -380,13 +362,19 @@ def _judge(
     asked = np.where(found, seen, np.where(exists, end_y, NAN))
     gap = np.abs(at - asked[:, None])
     nearest = np.where(np.isfinite(gap), gap, np.inf).argmin(axis=1)
-    wall = np.where(np.isfinite(asked), at[np.arange(len(rows)), nearest], NAN)
+    wall = np.where(np.isfinite(asked), at[np.arange(len(of)), nearest], NAN)
     true = wall.copy()
     for judge in dict.fromkeys(judge for judge in of if judge.setup.gaps):
         mine = [other is judge for other in of]
         line = judge.lines(table[mine, 6:])
         true[mine] = np.where(np.isfinite(line), line, wall[mine])
-    return np.stack([t, distance, true, seen, found, exists, confidence, is_held, sd, wall], axis=1)
+    columns, end = (t, distance, true, seen, found, exists, confidence, is_held, sd, wall), 0
+    judged = np.stack(columns, axis=1)
+    for judge in dict.fromkeys(of):
+        begin, end = end, end + len(judge._rows)
+        judge._judged.add(judged[begin:end])
+        judge._newest = judged[end - 1].copy()
+        judge._rows, judge._crop = [], []
 
 
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:

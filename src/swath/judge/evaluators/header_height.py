@@ -51,7 +51,7 @@ class HeaderHeight(Later):
                 errors = headers["heights"][is_settled] - headers["wanted"][is_settled, None]
                 if self._errors is None:
                     self._errors = KeptRows(errors.shape[1])
-                self._errors.add(errors.ravel().tolist())
+                self._errors.add(errors)
         if states is not None:
             self._distance = float(states["distance"][-1])
 
