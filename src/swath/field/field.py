@@ -42,7 +42,7 @@ from swath.field.wind import Sway, make_sway
 Array = NDArray[np.float64]
 FEW = 4  # points at most whose ground is looked up without a page, beside a profile
 FAR = 1e6  # places beyond this are refused [m]
-PROFILED = 16.0  # of the ground on a profile's way that is held at a time [m]
+PROFILED = 32.0  # of the ground on a profile's way that is held at a time [m]
 
 
 class Field:

@@ -43,12 +43,14 @@ class _Chain:
         self.value, self.block = kept[:32], bytearray(kept[32:])
 
     def add(self, data: "bytes | memoryview") -> None:
-        self.block += data
-        whole = len(self.block) // BLOCK_BYTES * BLOCK_BYTES
-        for at in range(0, whole, BLOCK_BYTES):
-            self.value = hashlib.sha256(self.value + self.block[at : at + BLOCK_BYTES]).digest()
-        if whole:
-            del self.block[:whole]
+        rest = memoryview(data).cast("B")
+        while len(rest) >= (missing := BLOCK_BYTES - len(self.block)):
+            hashed = hashlib.sha256(self.value)
+            hashed.update(self.block)
+            hashed.update(rest[:missing])
+            self.value, rest = hashed.digest(), rest[missing:]
+            self.block.clear()
+        self.block += rest
 
 
 class Digest:

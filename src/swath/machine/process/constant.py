@@ -8,7 +8,7 @@ first order reproduce what a yield sensor shows (Sensors 2008, 8(2):952).
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import fsum
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -20,7 +20,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import InWorlds, Samples
+from swath.core.together import InWorlds, Samples, plain
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, Rows, repeatable, shared
@@ -148,11 +148,10 @@ class Processes(Compiled):
 
     def supply(self, stage: int) -> None:
         """Lay the straw of worlds that run."""
-        state: Any = self.given["state"]
-        laid = self._sums.of["laid"].tolist()
+        poses, laid = self.given["state"].arrays["pose"].tolist(), self._sums.of["laid"].tolist()
         for world in np.flatnonzero(self.active).tolist():
             try:
-                self._parts[world].outlet.drop(laid[world], state.of(world))
+                self._parts[world].outlet.drop(laid[world], poses[world])
             except SwathError as error:
                 self.errors[world] = error
 
@@ -206,7 +205,7 @@ class DelayedProcess(KeepsState):
         self._totals["tank"].add(tank - over)
         self._totals["lost"].add(gone + over)
         self._totals["straw"].add(dropped)
-        self._outlet.drop(dropped, inputs["state"])
+        self._outlet.drop(dropped, plain(inputs["state"].pose))
         return {"load": self._load(t + dt, h, cut, fed, tank, dropped, gone)}
 
     def _load(

@@ -16,6 +16,7 @@ from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
+from swath.core.together import plain
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
 from swath.machine import SLOPES, SPEED
@@ -113,7 +114,7 @@ class Organs(KeepsState):
         for loss in (*losses, over_rim):
             totals["lost"].add(loss)
         totals["straw"].add(straw)
-        self._outlet.drop(straw, inputs["state"])
+        self._outlet.drop(straw, plain(inputs["state"].pose))
         if unload is None:
             self._pipe.pour(drawn, inputs["state"])
         rotors, shoe = (works[name].loss_share for name in ("separation", "cleaning"))

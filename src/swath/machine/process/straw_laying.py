@@ -6,6 +6,7 @@ from typing import Any
 from swath.core.abilities import Closes, HasNotes, StepsAnyLength
 from swath.core.component import Component, Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
+from swath.core.together import plain
 from swath.field.site_setup import SiteSetup
 from swath.machine.process.straw_outlet import StrawOutlet
 from swath.machine.process.unloading_pipe import UnloadingPipe
@@ -57,7 +58,7 @@ class LaidStraw(KeepsState):
         if isinstance(state, tuple) and state:
             state = state[-1]
         if isinstance(state, MachineState):
-            self._outlet.drop(max(self._left[0] - before[0], 0.0), state)
+            self._outlet.drop(max(self._left[0] - before[0], 0.0), plain(state.pose))
             self._pipe.pour(max(self._left[1] - before[1], 0.0), state)
         return outputs
 

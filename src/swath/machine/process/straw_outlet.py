@@ -1,12 +1,11 @@
 """Straw behind the machine: a swath, or chopped and spread, laid where the outlet passes."""
 
+from collections.abc import Sequence
 from math import atan2, fsum, hypot
 
 from swath.core.component import KeepsState
-from swath.core.together import plain
 from swath.field.field import Field
 from swath.machine.sweep import Corners, line_ends, signed_area, swept
-from swath.signals import MachineState
 
 
 class StrawOutlet(KeepsState):
@@ -30,16 +29,16 @@ class StrawOutlet(KeepsState):
         self._origin = (0.0, 0.0, 1.0, 0.0)
         self._loose = 0.0
 
-    def drop(self, straw: float, state: MachineState) -> None:
-        """Straw [kg] that left the machine since the last time, and where the machine is now."""
+    def drop(self, straw: float, pose: Sequence[float]) -> None:
+        """Straw [kg] that left the machine since the last time; where it is now, as `plain` has a pose."""
         self._loose += straw
         before = self._ends
         if before is None:
-            self._begin(line_ends(plain(state.pose), *self._outlet), state)
+            self._begin(line_ends(pose, *self._outlet), pose)
             return
-        if self._is_near(state):
+        if self._is_near(pose):
             return
-        ends = line_ends(plain(state.pose), *self._outlet)
+        ends = line_ends(pose, *self._outlet)
         ways = [(x - u, y - v) for (x, y), (u, v) in zip(ends, before, strict=True)]
         if max(hypot(*move) for move in ways) < self._step:
             return
@@ -54,20 +53,13 @@ class StrawOutlet(KeepsState):
                 mass = self._loose * signed_area(polygon) / area
                 self._ground.deposit_straw(polygon, mass, heading=heading)
             self._loose = 0.0
-        self._begin(ends, state)
+        self._begin(ends, pose)
 
-    def _begin(self, ends: Corners, state: MachineState) -> None:
+    def _begin(self, ends: Corners, pose: Sequence[float]) -> None:
         self._ends = ends
-        self._origin = _stance(state)
+        self._origin = pose[0], pose[1], pose[3], pose[6]
 
-    def _is_near(self, state: MachineState) -> bool:
+    def _is_near(self, pose: Sequence[float]) -> bool:
         """True when no end of the outlet can have moved by a step: a quick look before the exact one."""
-        x, y, c, s = _stance(state)
-        x0, y0, c0, s0 = self._origin
-        return hypot(x - x0, y - y0) + self._arm * hypot(c - c0, s - s0) < self._step
-
-
-def _stance(state: MachineState) -> tuple[float, float, float, float]:
-    """x, y [m], and x, y of the forward axis."""
-    (x, y, _), ((c, _, _), (s, _, _), _) = state.pose.numbers
-    return x, y, c, s
+        x0, y0, c0, s0 = self._origin  # and x, y of the forward axis
+        return hypot(pose[0] - x0, pose[1] - y0) + self._arm * hypot(pose[3] - c0, pose[6] - s0) < self._step
