@@ -68,7 +68,7 @@ def run_job(args: argparse.Namespace) -> int:
             hours, refused = spread_of(best, base_of(document), args.spread, args.out, told)
         worked = replace(worked, draws=tuple(hours))
         schedule.notes.extend(f"a draw of the spread is refused: {why}" for why in refused)
-    telling = [row for row in result_rows(worked) if row[1].strip("0.e+")]  # a 0 is left to the page
+    telling = [row for row in result_rows(worked) if row[1].strip("0.")]  # a 0 is left to the page
     table(f"{job.name}: {job.summary}", ("name", "value", "unit"), telling)
     table("minutes of each machine", *machine_rows(worked))
     table("what machines waited for", ("machine", "for", "min"), wait_rows(worked))

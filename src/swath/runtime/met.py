@@ -20,6 +20,7 @@ from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
 from swath.field.weather import GREEN, extinction
+from swath.machine.motion import FIRM
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import Machine
 from swath.signals import MachineState
@@ -177,7 +178,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "weeds_per_m2": Quantity("1/m2", "weeds in the stand", _weeds, CROP, (0.0, 0.0)),
     "friction": Quantity("1", "largest side force of the tyres over load", _friction, MOVED, (0.45, 1.5)),
     "cone_index_kpa": Quantity("kPa", "strength of soil that yields, nan = firm", _cone_index, MOVED,
-                               (1800.0, inf)),
+                               (FIRM.low, inf)),
     "roughness_gd_m3": Quantity("m3", "Gd of the ground at 0.1 cycles/m, ISO 8608",
                                 _roughness, (*MOVED, "lidar", "header", "imu"), (0.0, 256e-6)),
     "rain_mm_h": Quantity("mm/h", "rain before a sensor", _rain, (*SEEN, "radar"), (0.0, 0.0)),

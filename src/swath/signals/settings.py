@@ -9,6 +9,9 @@ from swath.core.signal import Quantity, Signal
 from swath.core.units import DEG, MM, RPM
 
 OWN = "as the machine has it for its crop"
+SIEVE_AIR = (
+    2.0  # of the fan's air lost per mm that the upper sieve is wider: an estimate within 1 to 4 [%/mm]
+)
 SPEED, GAP, STEEP = (0.0, 5000.0 * RPM), (0.0, 100.0 * MM), (0.0, 80.0 * DEG)
 
 

@@ -25,10 +25,11 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import MM, PERCENT, RPM
 from swath.signals import F64, FeedReading, GrainImage, LossReading, OrganSettings, YieldReading
-from swath.signals.settings import CROPS, own_settings
+from swath.signals.settings import CROPS, SIEVE_AIR, own_settings
 from swath.signals.setup import ControlSetup
 
 Step = Annotated[float, Ge(0), Le(500)]
+Percent = Annotated[float, Gt(0), Le(100)]
 MOVED = "drum", "concave", "fan", "upper"
 TRENDS = np.array([
     [[-2.5, 1.5, 25, 10], [1.5, 1.0, 8, 4], [0, 0.1, 0, 1], [0, 0.1, 0, 0.3]],
@@ -40,17 +41,12 @@ TRENDS = np.array([
 its standard deviation. Signs are those of manuals (John Deere OMDXE11330, New Holland CR, section 6), sizes
 those of the laws in docs/explanation/machine.md, estimates.
 """
-AIR = 20.0  # of the fan's air lost per m that the upper sieve is wider (`cleaning: model`) [1/m]
 FEED = ((0.0, 3.0, 3.0), (-3.0, 2.0, 2.0), (-0.25, 0.2, 0.2), (0.5, 0.5, 0.5))
 """Power of the feed with which each goes, its standard deviation, and that of the power of the grain, 0: at
 the same feed, more of it is less straw. To the first two `feed_exponent` - 1 is added. Broken: a doubled feed
 broke 16 % less wheat (tehqeeqat 33395); the rest are estimates.
 """
-KNOWN = 0.005, 0.002, 0.005  # of rotors, shoe, beside the grain before anything is read: estimates
-NOISE = np.array([0.2, 0.15, 0.1, 0.1])  # of a window's logarithms, as crop varies in it: an estimate
-GRAIN = 0.6  # of the feed: at straw over grain of 0.65 (DLG)
-WINDOWS = 100  # whose feeds are taken for usual
-LITTLE = 1 / 3  # of the largest feed: less teaches nothing, it turns or stands
+WINDOWS = 100  # whose feeds are kept
 
 
 @dataclass(frozen=True)
@@ -73,6 +69,10 @@ class Params(fixed.Params):
     concave_step_mm: step of the clearance
     fan_step_rpm: step of the fan
     upper_step_mm: step of the upper sieve
+    known_percent: lost by rotors and shoe, and beside the grain, before anything is read: estimates
+    noise_percent: a window's standard deviations of rotors, shoe, broken, beside, as crop varies: estimates
+    grain_share: of the feed, at straw over grain of 0.65 (DLG)
+    least_feed: of the largest feed: less teaches nothing, the machine turns or stands
     """
 
     crop: str = "wheat"
@@ -91,6 +91,10 @@ class Params(fixed.Params):
     concave_step_mm: Step = 1.0
     fan_step_rpm: Step = 10.0
     upper_step_mm: Step = 1.0
+    known_percent: tuple[Percent, Percent, Percent] = (0.5, 0.2, 0.5)
+    noise_percent: tuple[Percent, Percent, Percent, Percent] = (20.0, 15.0, 10.0, 10.0)
+    grain_share: Annotated[float, Gt(0), Le(1)] = 0.6
+    least_feed: Annotated[float, Ge(0), Le(1)] = 1 / 3
 
 
 class Climb(KeepsState):
@@ -115,12 +119,21 @@ class Climb(KeepsState):
         steps = {"concave": p.concave_step_mm * MM, "fan": p.fan_step_rpm * RPM,
                  "upper": p.upper_step_mm * MM, "drum": p.drum_step_rpm * RPM}  # fmt: skip
         self._steps = {name: step for name, step in steps.items() if step > 0.0}
-        self._prices = np.array([1.0, 1.0, GRAIN * p.broken_weight, GRAIN * p.foreign_weight])
+        self._prices = np.array([1.0, 1.0, p.grain_share * p.broken_weight, p.grain_share * p.foreign_weight])
+        self._noise = [(value * PERCENT) ** 2 for value in p.noise_percent]
         self._origin = self._at(self._start)
+
+    @property
+    def notes(self) -> list[str]:
+        """Whether it has come to learn."""
+        if len(self._feeds):
+            return []
+        least = self._p.settle_s + self._p.window_s
+        return [f"settings: nothing learnt, they stayed: there never were {least:g} s of steady harvest"]
 
     def reset(self, stream: Stream) -> Outputs:
         """At the start, with what is known before."""
-        rotors, shoe, foreign = KNOWN
+        rotors, shoe, foreign = (value * PERCENT for value in self._p.known_percent)
         level = [rotors, shoe, CROPS.get(self._p.crop, CROPS["wheat"]).broken, foreign]
         slope, slope_sd, bend, bend_sd = TRENDS.transpose(2, 0, 1)
         power, power_sd, grain_sd = np.array(FEED).T
@@ -139,7 +152,7 @@ class Climb(KeepsState):
         self._since += h
         self._feed += (inputs["feed"].flow - self._feed) * h / (h + p.feed_lag_s)
         self._most = max(self._most, self._feed)
-        if self._since > p.settle_s and self._feed > LITTLE * self._most:
+        if self._since > p.settle_s and self._feed > p.least_feed * self._most:
             self._take(h, inputs)
         *sums, time = self._sums
         if time >= p.window_s:
@@ -165,7 +178,7 @@ class Climb(KeepsState):
         """What trends go with, (8,): logarithms of settings over the manual's, and half their squares."""
         own = self._own
         over = {name: settings[name] / own[name] for name in MOVED}
-        over["fan"] *= max(1.0 - AIR * (settings["upper"] - own["upper"]), 0.1)
+        over["fan"] *= max(1.0 - SIEVE_AIR * PERCENT / MM * (settings["upper"] - own["upper"]), 0.1)
         x = [log(over[name]) for name in MOVED]
         return np.array([*x, *(0.5 * value * value for value in x)])
 
@@ -181,7 +194,7 @@ class Climb(KeepsState):
         for q, (mean, over) in enumerate(zip(means[:4], (feed, feed, 1.0, 1.0), strict=True)):
             if mean > 0.0:
                 along = (spread[q] * z).sum(axis=1)
-                gain = along / ((along * z).sum() + NOISE[q] ** 2)
+                gain = along / ((along * z).sum() + self._noise[q])
                 known[q] += gain * (log(mean / over) - (known[q] * z).sum())
                 spread[q] -= gain[:, None] * along
         self._known, self._spread = known, spread

@@ -24,7 +24,7 @@ from swath.machine.cleaning import overload
 from swath.machine.cleaning.overload import RETURNS_MAX, Shares, Shoe, shoe_load
 from swath.machine.drivetrain_sheet import threshing_of
 from swath.machine.organ import ACTUAL, SETTINGS, Setting, ratio_of
-from swath.signals.settings import CROPS
+from swath.signals.settings import CROPS, SIEVE_AIR
 
 Rate = Annotated[float, Ge(0), Le(50)]
 
@@ -52,7 +52,7 @@ class Params:
 
     blown_out: Annotated[Rate, Estimate(1, 4)] = 2.0
     ridden_over: Annotated[Rate, Estimate(1, 5)] = 4.6
-    pressure_percent_mm: Annotated[float, Ge(0), Le(20), Estimate(1, 4)] = 2.0
+    pressure_percent_mm: Annotated[float, Ge(0), Le(20), Estimate(1, 4)] = SIEVE_AIR
     upper_power: Annotated[Rate, Estimate(1, 4)] = 2.0
     returns_air_m_s: Annotated[float, Gt(0), Le(100), Estimate(1, 4)] = 2.0
     returns_lower: Annotated[Rate, Estimate(0.25, 1)] = 0.5
