@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from swath.core.ability import ByMembers
-from swath.core.errors import WiringError
+from swath.core.errors import SwathError, WiringError
 from swath.core.random import Stream
 from swath.core.signal import Signal
 
@@ -81,6 +81,20 @@ class KeepsState:
         """Back to a saved moment. KeyError for the state of something else."""
         for name in self.kept:
             setattr(self, name, _restored(self.__dict__.get(name), state[name.lstrip("_")]))
+
+
+class KeptElsewhere:
+    """`save` and `load` of a part whose state is not here. whose: the part and who has its state."""
+
+    whose: str
+
+    def save(self) -> State:
+        """Cannot be."""
+        raise SwathError(f"{self.whose} cannot be saved")
+
+    def load(self, state: State) -> None:
+        """Cannot be."""
+        raise SwathError(f"{self.whose} cannot be restored")
 
 
 @runtime_checkable

@@ -81,6 +81,18 @@ def raise_all(errors: "Sequence[InputError]") -> None:
         raise errors[0]
 
 
+def check_within(key: str, value: float, low: float, high: float) -> None:
+    """InputError for a number that does not lie within limits, both included."""
+    if not low <= value <= high:
+        raise InputError(key, value, f"expected {low:g} to {high:g}")
+
+
+def check_once(key: str, names: "Sequence[object]") -> None:
+    """InputError for names of which one is there twice."""
+    if len(set(names)) < len(names):
+        raise InputError(key, " ".join(map(str, names)), "expected each only once")
+
+
 class WiringError(SwathError):
     """Two ports that do not fit, a port without a source, or a source that does not exist."""
 

@@ -122,8 +122,8 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:
     return np.array(rotation_rows(roll, pitch, yaw))
 
 
-def rotation_rows(roll: float, pitch: float, yaw: float) -> list[list[float]]:
-    """Rows of the rotation (3, 3) from angles [rad]."""
+def rotation_rows(roll: Any, pitch: Any, yaw: Any, cos: Any = cos, sin: Any = sin) -> list[list[Any]]:
+    """Rows of the rotation (3, 3) from angles [rad]. cos, sin: of numbers, or of arrays."""
     cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
     cy, sy = cos(yaw), sin(yaw)
     return [
@@ -133,16 +133,25 @@ def rotation_rows(roll: float, pitch: float, yaw: float) -> list[list[float]]:
     ]
 
 
+def rotation_of(x: float, y: float, z: float, w: float) -> Array:
+    """Rotation, shape (3, 3), of a quaternion of length 1."""
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def rotation_matrices(roll: Array, pitch: Array, yaw: Array) -> Array:
     """Rotations, shape (n, 3, 3), from angles [rad], shape (n,) each."""
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    return np.moveaxis(np.array(rotation_rows(roll, pitch, yaw, np.cos, np.sin)), 2, 0)
+
+
+def wrapped(angle: float) -> float:
+    """An angle [rad] within [-pi, pi]."""
+    return atan2(sin(angle), cos(angle))
 
 
 def wrap_angle(angle: Any) -> Any:

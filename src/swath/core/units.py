@@ -116,6 +116,24 @@ UNITS = {
 SUFFIXES = sorted(filter(None, UNITS), key=len, reverse=True)
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """A number, or a list of them, of a data sheet, with the unit at the end of its key ("" = none).
+
+    low, high: limits in that unit
+    key: in the sheet, where it is not the field's name, without the unit
+    """
+
+    unit: str
+    low: float | None = None
+    high: float | None = None
+    key: str = ""
+
+    def file_key(self, field: str) -> str:
+        """The key in the sheet: field's name and unit."""
+        return "_".join(filter(None, (self.key or field, self.unit)))
+
+
 def split_unit(key: str) -> tuple[str, str]:
     """A file key as (quantity, unit): `speed_kmh` -> ("speed", "km/h"); no unit -> (key, "")."""
     for suffix in SUFFIXES:
@@ -127,3 +145,8 @@ def split_unit(key: str) -> tuple[str, str]:
 def factors(kind: str) -> dict[str, float]:
     """Symbol of each unit of a kind -> factor to SI."""
     return {unit.symbol: unit.factor for unit in UNITS.values() if unit.kind == kind}
+
+
+def rounded(value: float, digits: int) -> float:
+    """A number with so many digits that count, as people read it."""
+    return float(f"{value:.{digits}g}")

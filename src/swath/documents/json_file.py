@@ -10,6 +10,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
+from swath.core.units import rounded
 from swath.documents.packed import MIB, readable
 from swath.documents.text_file import read_text
 
@@ -38,17 +39,20 @@ def _whole_number(text: str) -> int:
     return int(text)
 
 
-def json_safe(value: Any) -> Any:
-    """The value as JSON can say it: plain numbers, lists and dicts; nan and infinity become null."""
+def json_safe(value: Any, digits: int | None = None) -> Any:
+    """The value as JSON can say it: plain numbers, lists and dicts; nan and infinity become null.
+
+    digits: to which numbers are rounded, if they are
+    """
     if isinstance(value, Mapping):
-        return {str(k): json_safe(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return json_safe(value.tolist())
+        return {str(k): json_safe(v, digits) for k, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return json_safe(value.tolist(), digits)
     if isinstance(value, list | tuple):
-        return [json_safe(v) for v in value]
-    if isinstance(value, np.generic):
-        return json_safe(value.item())
-    return None if isinstance(value, float) and not isfinite(value) else value
+        return [json_safe(v, digits) for v in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return rounded(value, digits) if isinstance(value, float) and digits else value
 
 
 def json_text(data: Any) -> str:

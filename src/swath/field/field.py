@@ -226,13 +226,13 @@ class Field:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
         if self.profile is not None:
             return self.profile.cut(np.array(corners_of(polygon)), round(100.0 * height_m))
-        return self._cutter.cut(self._corners(polygon), round(100.0 * height_m))
+        return self._cutter.cut(self._corners(polygon, self.maker.cell), round(100.0 * height_m))
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
         if self.profile is not None:
             return self.profile.standing_area(np.array(corners_of(polygon)))
-        if (count := self._cutter.standing_cells(corners := self._corners(polygon))) is None:
+        if (count := self._cutter.standing_cells(corners := self._corners(polygon, self.maker.cell))) is None:
             count = int(np.count_nonzero(self._stands(*cells_inside(np.array(corners)))))
         return count * self.maker.cell**2
 
@@ -246,11 +246,11 @@ class Field:
             np.where(turns[:, None, None] < 0.0, triangles[:, ::-1], triangles)
         )
 
-    def _corners(self, polygon: Any) -> list[Corner]:
-        """Corners of a convex polygon (n, 2) [m], counter-clockwise, in cell units of the stand frame."""
-        points, (c, s), cell = corners_of(polygon), self._turn, self.maker.cell
+    def _corners(self, polygon: Any, unit: float) -> list[Corner]:
+        """Corners of a convex polygon (n, 2) [m], counter-clockwise, in a unit [m] of the stand frame."""
+        points, (c, s) = corners_of(polygon), self._turn
         _check_near_origin(points)
-        return [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in points]
+        return [((c * x + s * y) / unit, (c * y - s * x) / unit) for x, y in points]
 
     def standing(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, in the shape of x and y."""
@@ -319,9 +319,7 @@ class Field:
         if self.profile is not None:
             self.profile.straw_kg += mass_kg
             return
-        points, (c, s), node = corners_of(polygon), self._turn, self.maker.node
-        _check_near_origin(points)
-        corners = [((c * x + s * y) / node, (c * y - s * x) / node) for x, y in points]
+        corners = self._corners(polygon, self.maker.node)
         self._straw.lay(corners, mass_kg, None if heading is None else heading - self.stand_yaw)
 
     def deposit_grain(self, x: float, y: float, mass_kg: float) -> None:

@@ -202,6 +202,12 @@ def primitive_rows(count: int) -> NDArray[np.float32]:
     return rows
 
 
+def ranked(count_of: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Of so many things of each owner, one after the other: the owner, and which of its own each is."""
+    owner = np.repeat(np.arange(len(count_of)), count_of)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count_of) - count_of, count_of)
+
+
 def shared_rows(library: PlantLibrary) -> NDArray[np.float32] | None:
     """The rows that a, radius, b, width and base of a library are views of; None where they are not."""
     views = ((library.a, 0), (library.radius, 3), (library.b, 4), (library.width, 8), (library.base, 12))

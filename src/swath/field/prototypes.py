@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
-from swath.field.memory_layout import Organ, PlantLibrary, Primitives, Shape, primitive_rows
+from swath.field.memory_layout import Organ, PlantLibrary, Primitives, Shape, primitive_rows, ranked
 from swath.field.plants import Drawing, Plants, leaf_parts_of, make_plants
 from swath.field.plants.drawing import Detail
 from swath.field.plants.parts import joined
@@ -89,10 +89,14 @@ class Index:
     bins: int
     bin_height: float
 
+    def _cells(self) -> tuple[Array, Array]:
+        """Size of a cell [m]; the last one along each axis."""
+        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
+        return side, np.array([self.columns - 1] * 2 + [self.bins - 1])
+
     def order(self, pieces: _Pieces) -> Ints:
         """Tile by tile, cell by cell of their middles: pieces near each other are stored near each other."""
-        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
-        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
+        side, limit = self._cells()
         cell = np.clip(np.floor(0.5 * (pieces.a + pieces.b) / side), 0, limit).astype(np.int64)
         key = (pieces.tile * self.columns + cell[:, 1]) * self.columns + cell[:, 0]
         return np.argsort(key * self.bins + cell[:, 2], kind="stable")
@@ -112,16 +116,13 @@ class Index:
         return start.astype(np.int32), item[order].astype(np.int32)
 
     def _overlaps(self, pieces: _Pieces) -> tuple[Ints, Ints]:
-        side = np.array([self.size / self.columns] * 2 + [self.bin_height])
-        limit = np.array([self.columns - 1] * 2 + [self.bins - 1])
+        side, limit = self._cells()
         grow = pieces.radius[:, None] + np.abs(pieces.half) + PAD
         low = np.floor((np.minimum(pieces.a, pieces.b) - grow) / side)
         high = np.floor((np.maximum(pieces.a, pieces.b) + grow) / side)
         low, high = np.clip(low, 0, limit).astype(np.int64), np.clip(high, 0, limit).astype(np.int64)
         span = high - low + 1
-        total = span.prod(axis=1)
-        item = np.repeat(np.arange(len(total)), total)
-        rest = np.arange(len(item)) - np.repeat(np.cumsum(total) - total, total)
+        item, rest = ranked(span.prod(axis=1))
         ix, rest = rest % span[item, 0], rest // span[item, 0]
         iy, iz = rest % span[item, 1], rest // span[item, 1]
         cell = low[item] + np.stack([ix, iy, iz], axis=-1)

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, check_within
 from swath.core.files.read_file import open_to_read
 from swath.core.files.whole_file import write_whole
+from swath.documents.json_file import json_safe
 from swath.documents.witness import Pair, judge, outside, ratio
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
@@ -32,7 +33,7 @@ from swath.field_io.logs.log import Log, read_log
 from swath.field_io.logs.parts import one_part
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
-from swath.field_io.plan import is_outline, plan_field, read_plan
+from swath.field_io.plan import is_outline, origin_near, plan_field, read_plan
 from swath.field_io.report import ImportReport
 from swath.field_io.task_data.isoxml import is_taskdata
 from swath.field_io.trade import STEMS
@@ -86,8 +87,8 @@ class Settings:
         }  # fmt: skip
         for key, (low, high) in limits.items():
             value = getattr(self, key)
-            if value is not None and not low <= value <= high:
-                raise InputError(key, value, f"expected {low:g} to {high:g}")
+            if value is not None:
+                check_within(key, value, low, high)
 
 
 def import_log(
@@ -172,7 +173,7 @@ def import_log(
         maps = make_maps(cleaned, grid, crop, settings.grain_g_per_stem / 1000.0, usual)
         height = crop_height(cleaned, grid, maps.stems, settings.crop_height_m)
         step("passes")
-        origin = _origin(polygon, terrain, records.epsg)
+        origin = origin_near(polygon, terrain, records.epsg)
         tracks = () if settings.as_map else make_tracks(cleaned, origin)
         spacing = pass_spacing(tracks, row_azimuth(tracks))[0] if tracks else np.nan
         notes += _doubts(cleaned, maps, within, polygon, settings, crop_facts, spacing, log)
@@ -184,7 +185,7 @@ def import_log(
         field = FieldFolder(
             path=out, origin=origin, boundary=exterior - corner, holes=tuple(h - corner for h in holes),
             row_azimuth=float(np.radians(report.field["row_azimuth_deg"])), tracks=tracks, obstacles=(),
-            info=_plain(info), **local,
+            info=json_safe(info, 6), **local,
         )  # fmt: skip
         step("writing and drawing")
         folder.write(field, draw)
@@ -226,7 +227,7 @@ def _import_plan(path: Path, out: Path, dem: Path | None, settings: Settings) ->
         path, out, crop=settings.crop, width=settings.header_width_m, cell=settings.cell_m, load=load_crop,
         terrain=terrain,
     )  # fmt: skip
-    field.info.update(_plain(field.info))
+    field.info.update(json_safe(field.info, 6))
     folder.write(field, draw)
     about = field.info
     return ImportReport(
@@ -311,13 +312,6 @@ def _ground(grid: Raster, dem: Path | None) -> tuple[Raster, dict[str, Any]]:
 def _relief(raster: Raster) -> dict[str, float]:
     low, high = float(np.nanmin(raster.values)), float(np.nanmax(raster.values))
     return {"relief_m": high - low, "lowest_m": low, "highest_m": high}
-
-
-def _origin(polygon: Any, terrain: Raster, epsg: int) -> Origin:
-    """Whole metres near the middle of the field."""
-    west, south, east, north = polygon.bounds
-    height = float(np.round(np.nanmedian(terrain.values)))
-    return Origin(epsg, float(np.round((west + east) / 2)), float(np.round((south + north) / 2)), height)
 
 
 def _report(
@@ -528,14 +522,3 @@ def _histogram(cleaned: Cleaned) -> dict[str, Any]:
         for name, m in (("kept", kept), ("removed", ~kept))
     }
     return {"top_t_ha": float(edges[-1]), **{k: v.tolist() for k, v in count.items()}}
-
-
-def _plain(value: Any) -> Any:
-    """Plain data for YAML: numbers rounded to six digits, nan as None."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float | np.floating):
-        return float(f"{value:.6g}") if np.isfinite(value) else None
-    return value

@@ -65,6 +65,13 @@ def largest_part(described: Description) -> tuple[str, Any, int, list[str]]:
     return key, polygon, epsg, notes
 
 
+def origin_near(polygon: Any, terrain: Raster, epsg: int) -> Origin:
+    """Whole metres near the middle of the field."""
+    west, south, east, north = polygon.bounds
+    height = float(np.round(np.nanmedian(terrain.values)))
+    return Origin(epsg, float(np.round((west + east) / 2)), float(np.round((south + north) / 2)), height)
+
+
 def plan_field(
     path: Path,
     out: Path,
@@ -95,9 +102,7 @@ def plan_field(
             "header_width", None, "expected a working width in it, or --header-width-m", file=path
         )
     ground, info = terrain(polygon, epsg)
-    west, south, east, north = polygon.bounds
-    height = float(np.round(np.nanmedian(ground.values)))
-    origin = Origin(epsg, float(np.round((west + east) / 2)), float(np.round((south + north) / 2)), height)
+    origin = origin_near(polygon, ground, epsg)
     corner = np.array([origin.easting, origin.northing])
     tracks: list[Track] = []
     missed = 0
@@ -118,7 +123,7 @@ def plan_field(
     values = {key: np.where(inside, value, np.nan).astype(np.float32) for key, value in even.items()}
     maps = {key: Raster(v, grid.x0, grid.y0, cell, epsg) for key, v in values.items()}
     rasters = {key: raster.shifted(*-corner) for key, raster in maps.items()}
-    above = Raster(ground.values - np.float32(height), ground.x0, ground.y0, ground.cell, epsg)
+    above = Raster(ground.values - np.float32(origin.height), ground.x0, ground.y0, ground.cell, epsg)
     exterior, holes = outline.rings(polygon)
     azimuth = row_azimuth(tuple(tracks)) if any(t.straights for t in tracks) else outline.long_axis(polygon)
     about = {

@@ -9,7 +9,7 @@ from math import atan, atan2, cos, exp, hypot, sin, tan
 
 from swath.core.component import KeepsState, Port
 from swath.core.errors import InputError
-from swath.core.frames import Pose
+from swath.core.frames import Pose, wrapped
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, Trailer
 from swath.machine.tyre import GRAVITY
@@ -65,7 +65,7 @@ class Towed(KeepsState):
         distance = hypot(dx, dy)
         if distance > 0.0:
             towards = atan2(dy, dx)
-            angle = atan2(sin(self.yaw - towards), cos(self.yaw - towards))
+            angle = wrapped(self.yaw - towards)
             left = 2.0 * atan(tan(0.5 * angle) * exp(-distance / self.sheet.drawbar))
             self.yaw += left - angle
 

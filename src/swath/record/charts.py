@@ -1,10 +1,11 @@
-"""Which curves of a machine's tracks pages show."""
+"""What pages show of a machine's tracks: curves, and the way of a point of it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 Columns = Mapping[str, np.ndarray]
 
@@ -58,6 +59,12 @@ CHARTS = (
     Chart("Steering", "°", (Curve("steer_rad", "wheel angle", 57.29578),)),
     Chart("Clearance", "m", (Curve("clearance_m", "to the nearest obstacle or machine"),)),
 )  # fmt: skip
+
+
+def path_of(columns: Columns, x: float, y: float) -> NDArray[np.float64]:
+    """World way (n, 2) [m] of a point of a machine, roll and pitch left out."""
+    c, s = np.cos(columns["yaw_rad"]), np.sin(columns["yaw_rad"])
+    return np.stack([columns["x_m"] + c * x - s * y, columns["y_m"] + s * x + c * y], axis=1)
 
 
 def shown_charts(columns: Columns, *, cuts: bool, is_live: bool = False) -> list[dict[str, Any]]:

@@ -23,8 +23,8 @@ from swath.field.field import Field
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING, Organ, PlantLibrary, Shape
 from swath.machine.body.body import corners_of
 from swath.machine.sweep import swept
-from swath.record.charts import Columns, columns_of, shown_charts
-from swath.replay.machines import STATE, cutting_height, describe, path_of, thinned
+from swath.record.charts import Columns, columns_of, path_of, shown_charts
+from swath.replay.machines import STATE, cutting_height, describe, thinned
 from swath.replay.scans import MOST_POINTS, Recorded, pack_echoes, stations, swath_width
 from swath.runtime.world import Machine, World
 from swath.signals import F64

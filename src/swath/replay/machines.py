@@ -43,12 +43,6 @@ def derived(columns: Columns, edge_side: str) -> dict[str, np.ndarray]:
     return found
 
 
-def path_of(columns: Columns, x: float, y: float) -> F64:
-    """World way (n, 2) [m] of a point of a machine, roll and pitch left out."""
-    c, s = np.cos(columns["yaw_rad"]), np.sin(columns["yaw_rad"])
-    return np.stack([columns["x_m"] + c * x - s * y, columns["y_m"] + s * x + c * y], axis=1)
-
-
 def cutting_height(machine: Machine, columns: Columns) -> F64:
     """Height of the knife above ground at every row [m]."""
     set_height = CUTTING_HEIGHT

@@ -24,10 +24,10 @@ from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import code_unread
 from swath.judge.summary import read_summary
-from swath.record.charts import Columns
+from swath.record.charts import Columns, path_of
 from swath.record.tracks import SHOWN_ROWS, EvenRows, read_tracks, track_pieces
 from swath.replay.layers import Area, Arrays, Layers, Values, area_about
-from swath.replay.machines import derived, path_of
+from swath.replay.machines import derived
 from swath.replay.moments import events_of, telling_rows, worst_moments
 from swath.replay.scans import recorded
 from swath.replay.things import things_of

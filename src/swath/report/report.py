@@ -19,7 +19,7 @@ from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
-from swath.record.charts import LOSSES, shown_charts
+from swath.record.charts import LOSSES, path_of, shown_charts
 from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import SHOWN_ROWS
 from swath.report import page, plots
@@ -248,7 +248,9 @@ def collect(
     unloading = evaluation.find(FIELD, Unloading)
     picture = None
     if moved:
-        ends = [_way(m.tracks, *m.machine.geometry.header_end(s)) for m in moved for s in _sides(m.machine)]
+        ends = [
+            path_of(m.tracks, *m.machine.geometry.header_end(s)) for m in moved for s in _sides(m.machine)
+        ]
         picture = make_map(world.field, ends[0], also=np.concatenate(ends[1:]), margin=6.0)
     return ReportData(
         summary,
@@ -270,7 +272,7 @@ def _machine(
     lateral = evaluation.find(machine.name, LateralError)
     detection = evaluation.find(machine.name, EdgeDetection)
     if len(tracks["t_s"]) and lateral is not None:
-        path = _way(tracks, *machine.geometry.header_end(machine.edge_side))
+        path = path_of(tracks, *machine.geometry.header_end(machine.edge_side))
         edge = _edge_about(lateral.setup.edge, path, float(tracks["distance_m"][-1]) + 60.0)
     return MachineReport(
         machine,
@@ -285,12 +287,6 @@ def _machine(
 def _sides(machine: RecordedMachine) -> tuple[str, str]:
     """The side that follows the edge first."""
     return ("left", "right") if machine.edge_side == "left" else ("right", "left")
-
-
-def _way(tracks: Mapping[str, Any], x: float, y: float) -> F64:
-    """World path (n, 2) [m] of a point of the machine."""
-    c, s = np.cos(tracks["yaw_rad"]), np.sin(tracks["yaw_rad"])
-    return np.stack([tracks["x_m"] + c * x - s * y, tracks["y_m"] + s * x + c * y], axis=1)
 
 
 def _edge_about(shape: Any, path: F64, reach: float) -> F64:
@@ -349,9 +345,7 @@ def _true_offset(detection: EdgeDetection) -> float:
 
 def write_report(run_dir: Path, data: ReportData) -> Path:
     """Write `report.html` into the run folder in one go and return its path."""
-    import matplotlib
-
-    with matplotlib.rc_context(plots.STYLE):
+    with plots.styled():
         figures = list(figures_of(data))
         text = page.render(data.summary, data.scenario, figures, data.default_lines, data.known)
     return write_whole(run_dir / "report.html", text)
@@ -389,10 +383,10 @@ def _map(data: ReportData, picture: FieldMap) -> Figure:
         MapTrack(
             m.machine.name,
             (
-                _way(m.tracks, *m.machine.geometry.header_end("left")),
-                _way(m.tracks, *m.machine.geometry.header_end("right")),
+                path_of(m.tracks, *m.machine.geometry.header_end("left")),
+                path_of(m.tracks, *m.machine.geometry.header_end("right")),
             ),
-            _way(m.tracks, 0.0, 0.0),
+            path_of(m.tracks, 0.0, 0.0),
             _outline(m),
             m.machine.edge_side,
             has_header=m.path is not None,
@@ -426,14 +420,14 @@ def _outline(own: MachineReport) -> F64:
     """The machine at the end of the run, seen from above: its own shape, or header and body of its sheet."""
     g = own.machine.geometry
     if len(own.machine.triangles):
-        return np.array([_way(own.tracks, x, y)[-1] for x, y in silhouette(own.machine.triangles)])
+        return np.array([path_of(own.tracks, x, y)[-1] for x, y in silhouette(own.machine.triangles)])
     rear, front, half = g.body[0], g.body[1], g.body[2]
     corners = [(front, -half), (rear, -half), (rear, half), (front, half)]
     if own.path is not None:
         (lx, ly), (_, ry), back = g.header_end("left"), g.header_end("right"), g.knife_x - g.header_depth
         header = [(lx, ly), (lx, ry), (back, ry), (back, g.header_y - 0.7), (front, g.header_y - 0.7)]
         corners = [*header, *corners, (front, g.header_y + 0.7), (back, g.header_y + 0.7), (back, ly)]
-    return np.array([_way(own.tracks, x, y)[-1] for x, y in corners])
+    return np.array([path_of(own.tracks, x, y)[-1] for x, y in corners])
 
 
 def _errors(data: ReportData, own: MachineReport) -> Figure:

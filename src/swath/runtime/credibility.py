@@ -26,6 +26,7 @@ from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
 from swath.core.schedule import NS
+from swath.core.units import rounded
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import HasSignals, Metric, SeesAll
 from swath.judge.windows import FIELD
@@ -256,7 +257,7 @@ class Credibility(SeesAll):
             for quantity in dict.fromkeys(q for names in own.values() for q in names):
                 among = [self._met(subject, slot, quantity) for slot in own if quantity in own[slot]]
                 if ends := [end for seen in among if seen.looks for end in (seen.low, seen.high)]:
-                    met[subject][quantity] = [_short(min(ends)), _short(max(ends))]
+                    met[subject][quantity] = [rounded(min(ends), 4), rounded(max(ends), 4)]
         chosen = [choice for m in self.scene.world.machines.values() for choice in m.slots.values()]
         return {
             "slots": slots,
@@ -275,7 +276,7 @@ class Credibility(SeesAll):
             for name, slots in self._beyond_plain(machine):
                 seen, unit = [self._met(machine, slot, name) for slot in slots], QUANTITIES[name].unit
                 ends = min(s.low for s in seen), max(s.high for s in seen)
-                met = span((_short(ends[0]), _short(ends[1]))) + (f" {unit}" if unit != "1" else "")
+                met = span((rounded(ends[0], 4), rounded(ends[1], 4))) + (f" {unit}" if unit != "1" else "")
                 said.append(f"{name} {met} ({', '.join(slots)})")
             if said:
                 yield f"{machine}: levels were not checked for {'; '.join(said)}"
@@ -305,7 +306,7 @@ class Credibility(SeesAll):
         return {
             "quantity": checked.quantity,
             "checked": [checked.low, checked.high],
-            "met": [_short(seen.low), _short(seen.high)] if seen.looks else None,
+            "met": [rounded(seen.low, 4), rounded(seen.high, 4)] if seen.looks else None,
             "state": seen.state,
             "looks": seen.looks,
             "beyond": seen.beyond,
@@ -398,10 +399,6 @@ def _controls(world: World) -> set[str]:
     """Full names of slots of control: what they do is judged wherever they are used, they model nothing."""
     of_each = ((m.name, slot, choice) for m in world.machines.values() for slot, choice in m.slots.items())
     return {f"{name}.{slot}" for name, slot, choice in of_each if choice.kind.is_control}
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.4g}")
 
 
 def span(ends: Sequence[float]) -> str:

@@ -61,7 +61,6 @@ class SingleRays:
 
     def reset(self, stream: Stream) -> None:
         """Random numbers from this stream from now on; call it after the scanner's."""
-        self._stream = stream
         self._words[:2] = stream.key
         self._forward[: self.beams.count] = self.scanner.axes[:, :, 0]
         self._report = self._whole_scan = None  # they know the bias of the instance

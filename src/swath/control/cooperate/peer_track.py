@@ -1,8 +1,9 @@
 """Where the other machine is now: its newest message, brought forward to the present."""
 
+from collections.abc import Mapping
 from math import cos, sin
 
-from swath.core.component import KeepsState, Port
+from swath.core.component import Inputs, KeepsState, Port
 from swath.core.schedule import NS
 from swath.signals import Odometry, PeerState
 
@@ -80,3 +81,11 @@ class PeerTrack(KeepsState):
         y -= own.speed * h * sin(0.5 * turn)
         c, s = cos(turn), sin(turn)
         self.x, self.y, self.heading = c * x + s * y, c * y - s * x, heading - turn
+
+
+def heard(tracks: Mapping[str, PeerTrack], now: int, dt: int, inputs: Inputs) -> dict[str, PeerState]:
+    """What machines say by the input of each, of those that have ever; their tracks go on by dt [ns]."""
+    said = {name: message for name in tracks if (message := inputs.get(name)) is not None}
+    for name, message in said.items():
+        tracks[name].update(now, dt, message, inputs["odometry"])
+    return said

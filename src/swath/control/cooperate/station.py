@@ -17,6 +17,7 @@ from swath.control.cooperate.peer_track import PeerTrack
 from swath.control.cooperate.seen_box import SeenBox
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
+from swath.core.frames import wrapped
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.signals import BoxSeen, HeapState, Odometry, PeerState, UnloadState
@@ -224,7 +225,7 @@ class StationKeeper(KeepsState, ABC):
         late = drift / max(track.speed, 0.5)
         y_path = y + late * (0.0 if self._hitch is None else self._hitch.drawbar)
         left = y_path - self._off_tracking(bend) - lateral + self._integral + copysign(self._aside, y)
-        heading = atan2(sin(track.heading + tangent), cos(track.heading + tangent)) + late
+        heading = wrapped(track.heading + tangent) + late
         # within a step of the link the impact's own way is part of the other one's speed
         ahead, speed = scale * (peer.impact_x - self._spot - along), track.speed * scale - shift
         rate = track.acceleration * scale if track.age < 1.0 else 0.0

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.cooperate.peer_track import OTHER_PORTS, OTHERS, PeerTrack
+from swath.control.cooperate.peer_track import OTHER_PORTS, OTHERS, PeerTrack, heard
 from swath.control.cooperate.seen_box import SeenBox
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
@@ -113,11 +113,7 @@ class Unloader(KeepsState):
 
     def _follow(self, now: int, dt: int, inputs: Inputs) -> PeerState:
         """What the machine says that is served: the nearest with a box."""
-        said: dict[str, PeerState] = {
-            name: message for name in self._tracks if (message := inputs.get(name)) is not None
-        }
-        for name, message in said.items():
-            self._tracks[name].update(now, dt, message, inputs["odometry"])
+        said = heard(self._tracks, now, dt, inputs)
         if len(said) > 1:
             served = min(said, key=lambda name: self._rank(name, said[name]))
             if served != self._served:

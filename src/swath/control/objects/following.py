@@ -29,7 +29,6 @@ class Following(KeepsState):
     ) -> None:
         own = {name: pose for name, pose in setup.mountings.items() if name == port}
         self._mounting, self._knife = replace(setup, mountings=own).mounting, setup.machine.knife_x
-        self._out = 1.0 if setup.edge_side == "left" else -1.0
         ends = [setup.machine.header_end(end)[1] for end in ("right", "left")]
         self._strip = ends[0] - side, ends[1] + side
         self._tracks = Tracks(confirm, keep, doubt)

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
-from math import atan2, cos, isfinite, sin
+from math import cos, isfinite, sin
 from typing import NamedTuple
 
 from swath.control.pose.standing import Standing
@@ -99,8 +99,3 @@ def _gone_on(step: Step, t: int) -> Step:
     middle, travel = step.heading + 0.5 * turn, step.speed * seconds
     x, y = step.x + travel * cos(middle), step.y + travel * sin(middle)
     return step._replace(t=t, x=x, y=y, heading=step.heading + turn)
-
-
-def wrapped(angle: float) -> float:
-    """An angle [rad] within [-pi, pi]."""
-    return atan2(sin(angle), cos(angle))

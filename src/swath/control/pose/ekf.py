@@ -10,14 +10,14 @@ the receiver says that the machine moves, standing wheels are taken for faulty a
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import atan2, cos, exp, fsum, hypot, isfinite, sin, tan
+from math import cos, exp, fsum, hypot, isfinite, sin, tan
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.inclination import CRAB
-from swath.control.pose.dead_reckoning import INPUTS, OUTPUTS, DeadReckoning, wrapped
+from swath.control.pose.dead_reckoning import INPUTS, OUTPUTS, DeadReckoning
 from swath.control.pose.kalman import (
     BIAS,
     EAST,
@@ -37,6 +37,7 @@ from swath.control.pose.kalman import (
 from swath.control.pose.receiver import AntennaPlace, ChordHeading
 from swath.control.pose.standing import AT_ONCE, GroundVelocity, Standing
 from swath.core.component import Inputs, KeepsState, Outputs
+from swath.core.frames import wrapped
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -364,7 +365,7 @@ class EkfPose(KeepsState):
             now,
             float(s[X]),
             float(s[Y]),
-            atan2(sin(heading), cos(heading)),
+            wrapped(heading),
             float(s[SPEED]),
             m.yaw_rate - float(s[BIAS]),
             covariance,

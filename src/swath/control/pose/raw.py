@@ -7,15 +7,16 @@ sensors: what the receiver is off by, the pose is off by.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, isfinite, pi, sin
+from math import cos, isfinite, pi, sin
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.pose.dead_reckoning import INPUTS, OUTPUTS, DeadReckoning, Step, seen_from, wrapped
+from swath.control.pose.dead_reckoning import INPUTS, OUTPUTS, DeadReckoning, Step, seen_from
 from swath.control.pose.receiver import AntennaPlace, ChordHeading
 from swath.core.component import Inputs, KeepsState, Outputs
+from swath.core.frames import wrapped
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -123,7 +124,7 @@ class RawPose(KeepsState):
             now,
             x + c * ahead - s * left,
             y + s * ahead + c * left,
-            atan2(sin(heading), cos(heading)),
+            wrapped(heading),
             gone.speed,
             gone.yaw_rate,
             np.diag([sd**2, sd**2, turn**2, pace**2]),

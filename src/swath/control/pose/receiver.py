@@ -3,9 +3,10 @@
 from math import atan2, cos, hypot, sin
 
 from swath.control.inclination import Inclination
-from swath.control.pose.dead_reckoning import Step, wrapped
+from swath.control.pose.dead_reckoning import Step
 from swath.core.component import KeepsState
 from swath.core.errors import InputError
+from swath.core.frames import wrapped
 from swath.signals import Fix
 from swath.signals.setup import ControlSetup
 

@@ -12,7 +12,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.cooperate.peer_track import OTHER_PORTS, OTHERS, PeerTrack
+from swath.control.cooperate.peer_track import OTHER_PORTS, OTHERS, PeerTrack, heard
 from swath.control.scan_filter.filter import SCAN, Mask, ScanFilter
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.random import Stream
@@ -57,9 +57,7 @@ class PeerBody(ScanFilter):
 
     def follow(self, now: int, dt: int, inputs: Inputs) -> None:
         """Where the other machines are now."""
-        self._said = {name: said for name in self._tracks if (said := inputs.get(name)) is not None}
-        for name, said in self._said.items():
-            self._tracks[name].update(now, dt, said, inputs["odometry"])
+        self._said = heard(self._tracks, now, dt, inputs)
 
     def unwanted(self, points: F64) -> Mask:
         """Echoes over an outline of another machine."""

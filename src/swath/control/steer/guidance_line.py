@@ -12,6 +12,7 @@ from math import atan2, ceil, cos, fsum, hypot, inf, pi, sin, tan
 from typing import NamedTuple
 
 from swath.core.errors import InputError
+from swath.core.frames import wrapped
 
 STEP = 0.25  # between the points of a curve [m]
 LEAST = 1e-3  # between two points [m]
@@ -151,8 +152,3 @@ def rounded(points: Sequence[Sequence[float]], radius: float) -> list[tuple[floa
         made += along_bends(x, y, heading, [Bend(length, turn / length, turn / length)])
     made.append((float(points[-1][0]), float(points[-1][1])))
     return made
-
-
-def wrapped(angle: float) -> float:
-    """An angle [rad] within [-pi, pi]."""
-    return atan2(sin(angle), cos(angle))

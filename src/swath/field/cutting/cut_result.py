@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frozen import frozen
-from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, PlantLibrary
+from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_TILES, PlantLibrary, ranked
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -132,5 +132,5 @@ def cells_inside(polygon: Array) -> tuple[Ints, Ints]:
     first = np.ceil(low[some] - 0.5).astype(np.int64)
     after = np.floor(high[some] - 0.5).astype(np.int64) + 1
     count = np.maximum(after - first, 0)
-    step = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    return np.repeat(first, count) + step, np.repeat(rows, count)
+    row, step = ranked(count)
+    return first[row] + step, rows[row]

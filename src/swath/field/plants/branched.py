@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from swath.documents.sheet_fields import Quantity
 from swath.field.crop import CV, Crop, GrainYield, Habit, Organs
-from swath.field.memory_layout import Organ
+from swath.field.memory_layout import Organ, ranked
 from swath.field.plants.drawing import Drawing
 from swath.field.plants.parts import (
     Array,
@@ -101,8 +101,7 @@ def _branches(facts: BranchFacts, stalks: Stalks, rng: np.random.Generator) -> t
     """Points of the branches (n, BRANCH_PARTS + 1, 3) and their stems (n,): as long as their tips need."""
     stems = len(stalks.length)
     count_of = rng.integers(facts.count_min, facts.count_max + 1, stems)
-    owner = np.repeat(np.arange(stems), count_of)
-    rank = np.arange(len(owner)) - np.repeat(np.cumsum(count_of) - count_of, count_of)
+    owner, rank = ranked(count_of)
     count = len(owner)
     share = (rank + rng.random(count)) / count_of[owner]  # low branches first, spread along the stem
     low = facts.foot_min + (facts.foot_max - facts.foot_min) * share
@@ -144,9 +143,8 @@ def _pods(
     )
     count_of = np.floor(per_plant[of] * bearing / total[of] + rng.random(len(of))).astype(np.int64)
     count_of[:stems] = np.maximum(count_of[:stems], 1)
-    line = np.repeat(np.arange(len(of)), count_of)
-    place = np.arange(len(line)) - np.repeat(np.cumsum(count_of) - count_of, count_of) + rng.random(len(line))
-    place /= count_of[line]
+    line, rank = ranked(count_of)
+    place = (rank + rng.random(len(line))) / count_of[line]
     foot = np.empty((len(line), 3))
     is_main = line < stems
     foot[is_main] = stalks.point(1.0 - facts.main * (1.0 - place[is_main]), line[is_main])

@@ -10,7 +10,7 @@ from swath.core import portable
 from swath.documents.data_sheets import Sheet
 from swath.documents.sheet_fields import Quantity
 from swath.field.crop import Crop, Habit, Organs, StandFacts, YieldSection
-from swath.field.memory_layout import Organ, Shape
+from swath.field.memory_layout import Organ, Shape, ranked
 from swath.field.mesh_crop import HEIGHT, MeshFacts, MeshSection, mesh_facts, triangle_area
 from swath.field.plants.drawing import Drawing
 from swath.field.plants.parts import Array, Plants, normal, shared
@@ -118,9 +118,7 @@ def _pieces(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Owner and triangle of every piece, plant by plant. number: triangles of each variant."""
     first = np.cumsum(number) - number
-    own = number[which]
-    owner = np.repeat(np.arange(len(which)), own)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(own) - own, own)
+    owner, step = ranked(number[which])
     return owner, first[which][owner] + step
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from swath.core import portable
 from swath.documents.sheet_fields import Quantity
 from swath.field.crop import CV, Crop, StemFacts
-from swath.field.memory_layout import Organ, Shape
+from swath.field.memory_layout import Organ, Shape, ranked
 
 Array = NDArray[np.float64]
 CUTOFF = 3.0  # normal distributions are cut at this many standard deviations
@@ -173,10 +173,8 @@ class Leafing:
 
 def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generator, how: Leafing) -> Part:
     """Leaves of all stalks, each a chain of ribbons that bends downwards."""
-    stems = len(stalks.length)
-    count_of = rng.integers(facts.count_min, facts.count_max + 1, stems)
-    owner = np.repeat(np.arange(stems), count_of)
-    rank = np.arange(len(owner)) - np.repeat(np.cumsum(count_of) - count_of, count_of)
+    count_of = rng.integers(facts.count_min, facts.count_max + 1, len(stalks.length))
+    owner, rank = ranked(count_of)
     count = len(owner)
     share = facts.node_top - facts.node_step * (rank + rng.uniform(-0.25, 0.25, count))
     foot = stalks.point(np.clip(share, 0.02, 0.98), owner)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, capped, some_of
 from swath.documents.packed import member_names
+from swath.field.memory_layout import ranked
 from swath.field_io.task_data.ddi import CONDENSED, DDI, TOGETHER, label_name, slug, unit_name
 from swath.field_io.task_data.taskdata import (
     SECTION,
@@ -322,9 +323,7 @@ def _values(raw: NDArray[np.uint8], counts_at: NDArray[np.int64], layout: Layout
     """Logged values, shape (record_count, channel_count), nan where a record has none."""
     values = np.full((len(counts_at), len(layout.channels)), np.nan)
     counts = raw[counts_at].astype(np.int64)
-    row = np.repeat(np.arange(len(counts)), counts)
-    before = np.cumsum(counts) - counts
-    pair = np.arange(len(row)) - before[row]
+    row, pair = ranked(counts)
     at = counts_at[row] + 1 + 5 * pair
     number = raw[at[:, None] + np.arange(1, 5)].copy().view("<i4")[:, 0] if len(at) else np.zeros(0, "<i4")
     index = raw[at]

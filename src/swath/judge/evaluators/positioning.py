@@ -1,11 +1,12 @@
 """How well a machine knows where it is, how long its receiver was without a fix, and what steered it."""
 
 from collections.abc import Sequence
-from math import atan2, cos, hypot, isfinite, sin
+from math import hypot, isfinite
 
 import numpy as np
 
 from swath.core.blocks import Seen
+from swath.core.frames import wrapped
 from swath.core.portable import solve
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -22,7 +23,6 @@ class Positioning(Later):
     Events `fix_lost`: the receiver had a fix and has none until it comes back.
     """
 
-    OF_FIELD = False
     SIGNALS = (MachineState, Fix, PoseEstimate, GuidanceState)
     METRICS = (
         Metric("pose_error_rms_m", "m", "estimated against true place, root mean square", GROUP, "lower",
@@ -93,7 +93,7 @@ class Positioning(Later):
             return
         x, y, _ = state.pose.position.tolist()
         turn = pose.heading - state.pose.euler()[2]
-        turn = atan2(sin(turn), cos(turn))
+        turn = wrapped(turn)
         error = np.array([pose.x - x, pose.y - y, turn, pose.speed - state.speed])
         self._rows.add((hypot(pose.x - x, pose.y - y), turn, _normalised(error, pose.covariance)))
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.frames import Pose
+from swath.core.frames import Pose, rotation_of
 from swath.record.formats import ABOUT, read_about
 from swath.record.read.files import Log
 
@@ -118,12 +118,5 @@ def pose_of_transform(transform: Any) -> Pose:
 
 def _pose(position: Any, turn: Any) -> Pose:
     q = np.array([turn.x, turn.y, turn.z, turn.w], float)
-    x, y, z, w = q / (hypot(*q) or np.nan)
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    rotation = rotation_of(*(q / (hypot(*q) or np.nan)))
     return Pose(np.array([position.x, position.y, position.z], float), rotation)

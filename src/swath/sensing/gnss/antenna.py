@@ -5,7 +5,7 @@ Two antennas on one machine give its attitude: the direction of their baseline, 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import asin, atan2, cos, hypot, sin, sqrt
+from math import asin, atan2, hypot, sqrt
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le
 
 from swath.core.component import KeepsState
 from swath.core.errors import InputError
-from swath.core.frames import Pose
+from swath.core.frames import Pose, wrapped
 from swath.core.portable import product
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
@@ -152,4 +152,4 @@ class TwoAntennas(KeepsState):
         turned = atan2(y, x) - self._fitted + self.sd * draws[0]
         tilt = asin(z / sqrt(x * x + y * y + z * z)) - self._rise + vertical * self.sd * draws[1]
         name = "roll" if self._is_across else "pitch"
-        return {"heading": atan2(sin(turned), cos(turned)), "heading_sd": self.sd, name: self._up * tilt}
+        return {"heading": wrapped(turned), "heading_sd": self.sd, name: self._up * tilt}

@@ -118,7 +118,7 @@ class ErrorGnss(KeepsState):
     outputs = (Port("fix", Fix),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self._params, self._setup = params, setup
+        self._setup = setup
         self._latency = round(params.latency_ms * MS_NS)
         self._antenna = Antenna(params.antenna, self._latency)
         self.mounting = self._antenna.mounting

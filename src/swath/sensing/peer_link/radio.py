@@ -5,13 +5,14 @@ The rate of the slot (`rate_hz`) is that of the messages.
 
 from collections import deque
 from dataclasses import dataclass
-from math import atan2, cos, exp, hypot, nan, sin, sqrt
+from math import cos, exp, hypot, nan, sin, sqrt
 from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
+from swath.core.frames import wrapped
 from swath.core.frozen import changed
 from swath.core.random import Normals, Stream
 from swath.core.registry import Level
@@ -130,7 +131,7 @@ class RadioLink(KeepsState):
         heading = peer.pose.euler()[2] + peer.yaw_rate * age - own.pose.euler()[2]
         parts: dict[str, Any] = self._body | self._box(inputs) | _grain(inputs)
         return PeerState(
-            t, True, (t - own.t) / NS, x, y, atan2(sin(heading), cos(heading)), peer.speed, peer.yaw_rate,
+            t, True, (t - own.t) / NS, x, y, wrapped(heading), peer.speed, peer.yaw_rate,
             self._acceleration(peer), **parts,
         )  # fmt: skip
 

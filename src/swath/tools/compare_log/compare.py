@@ -19,7 +19,7 @@ from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.units import RPM, split_unit
+from swath.core.units import RPM, rounded, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.logs.machine_log import MachineLog, read_machine_log
 from swath.judge.evaluators.drivetrain import DIESEL
@@ -471,17 +471,15 @@ def _fit(
     units = [split_unit(key)[1] for key in keys]
     rows = zip(keys, start, start * found.x, doubt, units, strict=True)
     best = sheet.changed(dict(zip(keys, start * found.x, strict=True)))
-    return best, tuple(Fitted(*map(_plain, r)) for r in rows)
+    return best, tuple(
+        Fitted(key, rounded(at, 5), rounded(to, 5), rounded(by, 5), unit) for key, at, to, by, unit in rows
+    )
 
 
 def _put(ratio: Array, where: Mask, values: Array) -> Array:
     made = ratio.copy()
     made[where] = values
     return made
-
-
-def _plain(value: Any) -> Any:
-    return float(f"{value:.5g}") if isinstance(value, float | np.floating) else value
 
 
 def _standard_errors(jacobian: Array, residual: Array, stretch: NDArray[np.int64]) -> Array:

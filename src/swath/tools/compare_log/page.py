@@ -11,7 +11,7 @@ from swath.core.files.whole_file import new_file, write_whole
 from swath.documents.json_file import write_json
 from swath.documents.yaml_document import dump
 from swath.report.html import Figure, Items, Section, Table, signed, write_page
-from swath.report.plots import GREY, ORANGE, STYLE, as_image, figure, write_picture
+from swath.report.plots import GREY, ORANGE, as_image, figure, styled, write_picture
 from swath.tools.compare_log.compare import SHOWN, LogComparison
 
 Mask = NDArray[np.bool_]
@@ -76,9 +76,7 @@ def _write_series(made: LogComparison, path: Path) -> None:
 
 def draw(made: LogComparison) -> Any:
     """One row per quantity: an excerpt over time, simulated over measured, means over the crop flow."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
+    with styled():
         rows = list(made.measured)
         fig = figure(12.5, 2.9 * len(rows))
         grid = fig.add_gridspec(len(rows), 4)

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from swath.core.errors import Extra, InputError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.units import DEG, split_unit
+from swath.core.units import DEG, rounded, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.documents.validation import near_miss
 from swath.field_io.logs.steer_log import SteerLog, read_steer_log
+from swath.judge.evaluator import rms
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
 from swath.signals import SpeedCommand, SteerCommand, SteerState
@@ -319,12 +320,12 @@ class _Part:
         limits = np.where(seen, wide, np.inf)
         rows = [
             FittedWith(
-                key, _plain(start[i]), _plain(values[i]), _plain(values[i] - limits[i]),
-                _plain(values[i] + limits[i]), _unit(key), bool(seen[i]),
+                key, rounded(start[i], 5), rounded(values[i], 5), rounded(values[i] - limits[i], 5),
+                rounded(values[i] + limits[i], 5), _unit(key), bool(seen[i]),
             )
             for i, key in enumerate(names)
         ]  # fmt: skip
-        rmse = _rms(at_start), _rms(residuals), _rms(predicted)
+        rmse = rms(at_start), rms(residuals), rms(predicted)
         shown = [self._shown(r) for r in (at_start, residuals)]
         real = self._shown(np.zeros_like(residuals))
         return best, PartFit(
@@ -395,16 +396,8 @@ def _changed(sheet: Sheet, free: dict[str, Free], values: Array) -> Sheet:
     return sheet.changed(numbers, new=[k for k, f in free.items() if f.default is not None])
 
 
-def _plain(value: float) -> float:
-    return float(f"{value:.5g}")
-
-
 def _unit(key: str) -> str:
     return "deg" if key == OFFSET else split_unit(key)[1]
-
-
-def _rms(values: Array) -> float:
-    return sqrt(float((values**2).mean()))
 
 
 def _scipy() -> tuple[Any, Any]:

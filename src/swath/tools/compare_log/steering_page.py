@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swath.core.files.whole_file import write_whole
 from swath.documents.yaml_document import dump
 from swath.report.html import Table
-from swath.report.plots import BLUE, GREY, ORANGE, STYLE, figure
+from swath.report.plots import BLUE, GREY, ORANGE, figure, styled
 from swath.tools.compare_log.page import begin_comparison, write_compared
 from swath.tools.compare_log.steering_fit import FittedWith, PartFit, SteeringComparison
 
@@ -54,9 +54,7 @@ def write_steering(made: SteeringComparison, out: Path) -> None:
 
 def draw(made: SteeringComparison) -> Any:
     """One row per part: an excerpt over time, and what is left of every pass."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
+    with styled():
         fig = figure(12.5, 3.1 * len(made.parts))
         grid = fig.add_gridspec(len(made.parts), 4)
         for i, part in enumerate(made.parts):

@@ -96,13 +96,12 @@ def _read_scans(path: Path, how: Reading) -> Cloud:
 def cloud_of(source: Source, how: Reading) -> Cloud:
     """The echoes of scans over the ground. InputError without a usable path."""
     frame = Frame(source.track, CELL_M, how.reach_m)
-    base = ground_of_poses(source.track, *frame.nodes())
-    frame.z0 = float(np.floor(base.min()))
-    lattice = base - frame.z0
+    lattice = frame.lay(lambda x, y: ground_of_poses(source.track, x, y))
+    size = np.array([frame.width, frame.length]) * frame.cell
     parts, silent, scans, lost = [], 0, 0, 0
     for echoes in batches(source):
         here = placed(source, echoes, frame, lattice)
-        inside = ((here.points[:, :2] >= 0.0) & (here.points[:, :2] < _size(frame))).all(axis=1)
+        inside = ((here.points[:, :2] >= 0.0) & (here.points[:, :2] < size)).all(axis=1)
         parts.append((here.points[inside], here.height[inside], here.intensity[inside]))
         silent, scans = silent + echoes.silent_count, scans + echoes.scan_count
         lost += here.unknown_count
@@ -112,36 +111,26 @@ def cloud_of(source: Source, how: Reading) -> Cloud:
         notes.append(f"{lost} echoes at times without a pose were left out")
     if len(points):
         height = _grounded(frame, lattice, points, height, how.ground, notes)
-    world = _to_world(frame, points)
+    world = np.column_stack([*frame.to_world(points[:, 0], points[:, 1]), points[:, 2] + frame.z0])
     return Cloud(source.name, world, height, intensity, source.track, np.nan, silent, scans, notes)
 
 
 _NOTHING = (np.zeros((0, 3)), np.zeros(0), np.zeros(0))
 
 
-def _size(frame: Frame) -> F64:
-    return np.array([frame.width, frame.length]) * frame.cell
-
-
-def _to_world(frame: Frame, local: F64) -> F64:
-    c, s = np.cos(frame.yaw), np.sin(frame.yaw)
-    x = frame.origin[0] + c * local[:, 0] - s * local[:, 1]
-    return np.stack([x, frame.origin[1] + s * local[:, 0] + c * local[:, 1], local[:, 2] + frame.z0], axis=1)
-
-
 def _grounded(frame: Frame, lattice: F64, points: F64, height: F64, ground: str, notes: list[str]) -> F64:
     """Heights above the lowest echoes, where these are to be the ground; else a note where they are not."""
-    shift = _low(frame, points, height, (lattice.shape[0], lattice.shape[1]))
-    if ground == "echoes":
-        return np.asarray(height - lattice_height(shift, frame.node, points[:, 0], points[:, 1]))
+    shift = _low(frame, points, height, lattice.shape)
     at = lattice_height(shift, frame.node, points[:, 0], points[:, 1])
+    if ground == "echoes":
+        return np.asarray(height - at)
     if (off := float(np.median(at))) < -0.1:
         where = f"the lowest echoes lie {-off:.2f} m below the ground that the poses give"
         notes.append(f"{where}: --ground echoes takes theirs, --mount says where the scanner sits")
     return height
 
 
-def _low(frame: Frame, points: F64, height: F64, shape: tuple[int, int]) -> F64:
+def _low(frame: Frame, points: F64, height: F64, shape: tuple[int, ...]) -> F64:
     column, row = np.floor(points[:, :2] / frame.cell).astype(np.int64).T
     key = row * frame.width + column
     order = np.argsort(key, kind="stable")

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from swath.core.errors import Extra, InputError
+from swath.core.errors import Extra, InputError, check_within
 from swath.core.random import Stream
 from swath.signals import F64
 from swath.tools.compare_scans.clouds import LOWEST_M, Cloud, axis_track
@@ -205,9 +205,7 @@ class Grid:
     def __post_init__(self) -> None:
         """InputError for a value that cannot be used."""
         for key, low, high in (("cell_m", 0.02, 10.0), ("block_m", 0.2, 100.0)):
-            if not low <= getattr(self, key) <= high:
-                option = "--" + key.replace("_", "-")
-                raise InputError(option, getattr(self, key), f"expected {low:g} to {high:g}")
+            check_within("--" + key.replace("_", "-"), getattr(self, key), low, high)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from swath.documents.json_file import write_json
 from swath.report.html import Facts, Figure, Items, Section, Table, signed, write_page
-from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, STYLE, as_image, figure, write_picture
+from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, as_image, figure, styled, write_picture
 from swath.signals import F64
 from swath.tools.compare_scans.compare import (
     BIN_M,
@@ -128,9 +128,7 @@ def _column(made: Comparison, name: str) -> tuple[F64, F64]:
 
 def draw_profiles(made: Comparison) -> Any:
     """Over the place across the path: heights of both, their W1, ground, depth, returns; and histograms."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
+    with styled():
         fig = figure(12.0, 10.5)
         grid = fig.add_gridspec(4, 2, height_ratios=(2.4, 1.2, 1.2, 1.6))
         heights = fig.add_subplot(grid[0, :])
@@ -191,7 +189,7 @@ def draw_map(made: Comparison) -> Any:
         float(made.blocks[0]), float(made.blocks[-1] + made.grid.block_m),
         made.grid.cell_m * first, made.grid.cell_m * (first + part.stop - part.start),
     )  # fmt: skip
-    with mpl.rc_context({**STYLE, "axes.grid": False}):
+    with styled(**{"axes.grid": False}):
         fig = figure(12.0, 6.4)
         axes = fig.subplots(2, 1, sharex=True)
         w1, mean = 100 * made.map_w1[part], 100 * made.map_mean[part]

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, check_within
 from swath.rays.height_grid import LIMIT_M, NODE_CELLS, NONE, TILE, HeightGrid, lattice_height
 from swath.tools.height_map.bag import open_bag
 from swath.tools.height_map.gather import BLOCK, Gatherer, Samples, pool
@@ -67,9 +67,7 @@ class Settings:
             "reach_m": (1.0, 200.0),
         }
         for key, (low, high) in limits.items():
-            if not low <= getattr(self, key) <= high:
-                option = "--" + key.replace("_", "-")
-                raise InputError(option, getattr(self, key), f"expected {low:g} to {high:g}")
+            check_within("--" + key.replace("_", "-"), getattr(self, key), low, high)
         if not 1 <= self.per_cell <= 1024:
             raise InputError("--per-cell", self.per_cell, "expected 1 to 1024")
 
@@ -93,9 +91,7 @@ def build_height_map(
     Raises InputError when nothing usable was measured.
     """
     frame = Frame(source.track, settings.cell_m, settings.reach_m)
-    base = ground_of_poses(source.track, *frame.nodes(), settings.grounds)
-    frame.z0 = float(np.floor(base.min()))
-    lattice = base - frame.z0
+    lattice = frame.lay(lambda x, y: ground_of_poses(source.track, x, y, settings.grounds))
     samples, counts = _gather(source, settings, frame, lattice, progress)
     if settings.ground == "echoes":
         lattice, samples = _corrected(lattice, samples, settings.grounds)
@@ -154,8 +150,7 @@ def _gather(
 
 def _check_ground(notes: dict[str, int], lattice: Array, samples: Samples, by: GroundParams) -> None:
     """Notes where echoes lie below what the wheels stood on: no crop is there."""
-    shape = (lattice.shape[0], lattice.shape[1])
-    low = float(np.median(low_echoes(samples, shape, NODE_CELLS, by)))
+    low = float(np.median(low_echoes(samples, lattice.shape, NODE_CELLS, by)))
     if low < -by.below_m:
         where = f"the lowest echoes lie {-low:.2f} m below the ground that the poses give"
         notes[f"{where}: poses above the ground, or --mount; --ground echoes takes theirs"] = 1
@@ -169,8 +164,7 @@ def _tell(progress: Progress, echoes: Echoes, source: Source) -> None:
 
 def _corrected(lattice: Array, samples: Samples, by: GroundParams) -> tuple[Array, Samples]:
     """The ground moved to the lowest echoes, heights counted from there."""
-    shape = (lattice.shape[0], lattice.shape[1])
-    shift = low_echoes(samples, shape, NODE_CELLS, by)
+    shift = low_echoes(samples, lattice.shape, NODE_CELLS, by)
     r, c = np.divmod(samples.key, samples.width)
     moved = samples.height - 1e3 * lattice_height(shift, float(NODE_CELLS), c + 0.5, r + 0.5)
     height = np.clip(np.round(moved), -32000, 32000).astype(np.int16)

@@ -81,7 +81,7 @@ def _blend(place: Array, slope: Array, x: Array, y: Array, smooth: float) -> Arr
     return np.asarray((weight * level).sum(axis=1) / weight.sum(axis=1))
 
 
-def low_echoes(samples: Samples, shape: tuple[int, int], node_cells: int, params: Params = USUAL) -> Array:
+def low_echoes(samples: Samples, shape: tuple[int, ...], node_cells: int, params: Params = USUAL) -> Array:
     """Height of the lowest echoes at lattice nodes above the ground that heights count from [m].
 
     In each patch of node_cells x node_cells cells it is the low share of the heights. Patches where that is

@@ -35,7 +35,7 @@ def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> P
         (ground + grid.origin[2], "height of the ground [m]", "cividis", None),
     ]
     panel = float(np.clip(10.0 * (extent[3] - extent[2]) / (extent[1] - extent[0]), 1.6, 3.2))
-    with matplotlib.rc_context(plots.STYLE):
+    with plots.styled():
         fig = plots.figure(11.0, 3 * panel + 3.6)
         axes = fig.subplots(4, 1, height_ratios=(panel, panel, panel, 2.4))
         about = grid.about

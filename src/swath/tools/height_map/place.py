@@ -1,6 +1,6 @@
 """Where echoes lie in the local frame of the grid that is being made."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,12 @@ class Frame:
         self.origin = np.array([self._c * low[0] - self._s * low[1], self._s * low[0] + self._c * low[1]])
         self.width, self.length = self.tiles[1] * TILE, self.tiles[0] * TILE
 
+    def lay(self, height: Callable[[Array, Array], Array]) -> Array:
+        """Heights [m] of the ground at the nodes, over `z0`, which they set. height: at world points x, y."""
+        base = height(*self.nodes())
+        self.z0 = float(np.floor(base.min()))
+        return np.asarray(base - self.z0)
+
     @property
     def node(self) -> float:
         """Spacing of the ground lattice [m]."""
@@ -45,11 +51,14 @@ class Frame:
         local = [self._c * x + self._s * y, self._c * y - self._s * x, points[:, 2] - self.z0]
         return np.stack(local, axis=1)
 
+    def to_world(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """World x, y of local ones."""
+        return self.origin[0] + self._c * u - self._s * v, self.origin[1] + self._s * u + self._c * v
+
     def nodes(self) -> tuple[Array, Array]:
         """World x, y of the lattice nodes, (ny, nx) each."""
         along = np.arange(self.tiles[1] * NODES + 1) * self.node
-        u, v = np.meshgrid(along, np.arange(self.tiles[0] * NODES + 1) * self.node)
-        return self.origin[0] + self._c * u - self._s * v, self.origin[1] + self._s * u + self._c * v
+        return self.to_world(*np.meshgrid(along, np.arange(self.tiles[0] * NODES + 1) * self.node))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """`swath tune`: tune numbers and choices of a scenario in cases, and prove them in others."""
 
 import argparse
-from math import isfinite
 from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
@@ -58,16 +57,11 @@ def tell(found: Any) -> int:
     """Pages, and what was found on the screen; returns the exit code."""
     from swath.core.process.shell import command
     from swath.terminal.tables import table
-    from swath.tools.tune.page import write_tuned
-    from swath.tools.tune.tune import PARTS, says_of
+    from swath.tools.tune.page import difference_rows, write_tuned
+    from swath.tools.tune.tune import PARTS
 
     page = write_tuned(found)
-    rows = []
-    for part, proof in found.proofs.items():
-        for name, d in proof.found.differences.items():
-            interval = f"{d.low:+.4g} to {d.high:+.4g}" if isfinite(d.high) else "too few pairs"
-            rows.append((PARTS[part], name, str(d.count), f"{d.estimate:+.4g}", interval,
-                         says_of(proof.found, name, found.tune.directions[name])))  # fmt: skip
+    rows = [row for part in found.proofs for row in difference_rows(found, part)]
     table("", ("proven by", "winner - shipped", "pairs", "difference", "99 %", "shown"), rows)
     for part, proof in found.proofs.items():
         if any(proof.failed):

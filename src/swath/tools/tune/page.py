@@ -85,13 +85,20 @@ def write_tuned(found: Tuned) -> Path:
     )
 
 
+def difference_rows(found: Tuned, part: str) -> list[list[str]]:
+    """Rows of a part of the proof: part, metric, pairs, winner less shipped, interval, what it shows."""
+    proof, rows = found.proofs[part], []
+    for name, d in proof.found.differences.items():
+        interval = f"{d.low:+.4g} to {d.high:+.4g}" if isfinite(d.high) else "too few pairs"
+        rows.append([PARTS[part], name, str(d.count), f"{d.estimate:+.4g}", interval,
+                     says_of(proof.found, name, found.tune.directions[name])])  # fmt: skip
+    return rows
+
+
 def _proof(found: Tuned) -> list[list[str]]:
     rows = []
     for part, proof in found.proofs.items():
-        for name, d in proof.found.differences.items():
-            interval = f"{d.low:+.4g} to {d.high:+.4g}" if isfinite(d.high) else "too few pairs"
-            rows.append([PARTS[part], name, str(d.count), f"{d.estimate:+.4g}", interval,
-                         says_of(proof.found, name, found.tune.directions[name])])  # fmt: skip
+        rows += difference_rows(found, part)
         shipped, mine = proof.failed
         rows.append(
             [PARTS[part], "runs that do not pass", "", f"{mine - shipped:+d}", f"{shipped} as shipped", ""]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.units import rounded
 from swath.documents.yaml_document import parse_value
 from swath.signals import F64
 from swath.tools.function_test.case import Scalar
@@ -34,7 +35,7 @@ class Parameter:
         low, high = self._ends
         value = low + min(1.0, max(0.0, share)) * (high - low)
         value = exp(value) if self.is_log else value
-        return round(value) if self.is_whole else min(self.high, max(self.low, float(f"{value:.6g}")))
+        return round(value) if self.is_whole else min(self.high, max(self.low, rounded(value, 6)))
 
     def share_of(self, value: Scalar) -> float:
         """The share of the range at which a value lies."""
