@@ -19,28 +19,11 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 from pydantic import BaseModel, Field, create_model
 
 from swath.core.units import UNITS
+from swath.core.units import Quantity as Quantity
 from swath.documents.validation import STRICT
 
 T = TypeVar("T")
 REQUIRED: Any = dataclasses.MISSING
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number, or a list of them, with the unit at the end of its key (`core/units.py`, "" = none).
-
-    low, high: limits in that unit
-    key: in the sheet, where it is not the field's name, without the unit
-    """
-
-    unit: str
-    low: float | None = None
-    high: float | None = None
-    key: str = ""
-
-    def file_key(self, field: str) -> str:
-        """The key in the sheet: field's name and unit."""
-        return "_".join(filter(None, (self.key or field, self.unit)))
 
 
 @dataclass(frozen=True)

@@ -375,7 +375,9 @@ class SeesAll:
 
 
 class Later:
-    """An evaluator that takes samples (`TakesSeen`), shown one: it takes that one."""
+    """An evaluator of a machine that takes samples (`TakesSeen`), shown one: it takes that one."""
+
+    OF_FIELD: ClassVar[bool] = False
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what a slot published at t [ns]."""

@@ -183,31 +183,6 @@ class Trailer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Box:
-    """A box for grain, as `signals.setup.OpenBox`; its floor is `floor` above ground [m]."""
-
-    x: Annotated[float, Quantity("m", -20, 20)]
-    length: Annotated[float, Quantity("m", 0.5, 30)]
-    width: Annotated[float, Quantity("m", 0.5, 5)]
-    depth: Annotated[float, Quantity("m", 0.1, 5)]
-    floor: Annotated[float, Quantity("m", 0, 5)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spout:
-    """An unloading pipe, as `signals.setup.Pipe`; z: of its mouth and pivot above ground [m]."""
-
-    x: Annotated[float, Quantity("m", -20, 20)]
-    y: Annotated[float, Quantity("m", -5, 5)]
-    z: Annotated[float, Quantity("m", 0.5, 8)]
-    length: Annotated[float, Quantity("m", 0.5, 15)]
-    swing: Annotated[float, Quantity("deg", 10, 150)]
-    rate: Annotated[float, Quantity("deg_s", 0.5, 90)]
-    exit_speed: Annotated[float, Quantity("m_s", 0.1, 20)]
-    fall: Annotated[float, Quantity("deg", 0, 89)]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Set:
     """Settings for wheat, as `signals.settings.Works`."""
 
@@ -236,8 +211,8 @@ class Sections:
     masses: Annotated[Masses | None, Section("", when="bodies")]
     drivetrain: Annotated[Drivetrain | None, Section("", when="engine")]
     trailer: Annotated[Trailer | None, Section("trailer.", when="trailer")]
-    box: Annotated[Box | None, Section("box.", when="box")]
-    pipe: Annotated[Spout | None, Section("pipe.", when="pipe")]
+    box: Annotated[OpenBox | None, Section("box.", when="box")]
+    pipe: Annotated[Pipe | None, Section("pipe.", when="pipe")]
     works: Annotated[Set | None, Section("settings.", when="settings")]
 
 
@@ -328,8 +303,8 @@ def read_machine(sheet: Sheet) -> MachineSheet:
         slots=s.slots,
         trailer=s.trailer,
         hitch=None if s.trailer is None else Hitch(s.trailer.hitch_x, s.trailer.drawbar),
-        box=None if s.box is None else OpenBox(**vars(s.box)),
-        pipe=None if s.pipe is None else Pipe(**vars(s.pipe)),
+        box=s.box,
+        pipe=s.pipe,
         works=Works() if s.works is None else Works(**vars(s.works)),
     )
 

@@ -1,11 +1,12 @@
 """The four tyres of a machine on soil that gives way: what it takes from them, the ruts that they leave."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import cos, hypot, nan, sin
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from annotated_types import Ge, Le
 
 from swath.core.component import KeepsState
 from swath.core.errors import InputError
@@ -20,6 +21,28 @@ from swath.signals.setup import MachineGeometry
 
 DEFAULT_KPA = 1200.0  # of `soil: brixius` where neither motion nor field say more
 EVERY = 0.125  # ruts are laid each time the machine has gone so far: a node of the ground [m]
+
+
+@dataclass(frozen=True)
+class OnTyres:
+    """What of tyres and soil is not as the machine's sheet has it.
+
+    stiffness_per_rad: cornering stiffness over load
+    understeer_deg_per_g: > 0 where the front axle gives way more than the rear one, < 0 where less
+    friction: largest side force over load [1]
+    rolling_resistance: rolling resistance over load, on firm soil [1]
+    soil: `firm`, or `brixius`: wheels slip and are held, of `multibody` sink in, too, by the soil's cone
+        index (ASABE D497); default: as `field.soil` says
+    cone_index_kpa: strength of the soil under `brixius`: 450 soft, 900 tilled, 1200 firm, 1800 hard; default:
+        that of `field.soil`, else 1200
+    """
+
+    stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
+    understeer_deg_per_g: Annotated[float, Ge(-20), Le(20)] | None = None
+    friction: Annotated[float, Ge(0.05), Le(1.5)] | None = None
+    rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
+    soil: Literal["firm", "brixius"] | None = None
+    cone_index_kpa: Annotated[float, Ge(100), Le(10000)] | None = None
 
 
 class Given(NamedTuple):

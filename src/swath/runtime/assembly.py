@@ -51,7 +51,7 @@ from swath.runtime.scene import Walkers, scene_nodes
 from swath.runtime.world import Machine, World
 from swath.scenario.machine_types import ORGANS
 from swath.scenario.resolved import MachineSection, SlotChoice
-from swath.scenario.scenario import Scenario
+from swath.scenario.scenario import Scenario, folder_of
 from swath.scenario.sections import StartPose
 from swath.scenario.slots import CATALOGUE, SLOTS, TRUTH, kind_of
 from swath.signals import F64
@@ -168,7 +168,7 @@ def assemble(
 
 
 def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
-    base = _base(scenario)
+    base = folder_of(scenario)
     seed = scenario.field_seed
     is_cut = any(machine.has("header") for machine in scenario.machines.values())
     if fields is None:
@@ -206,10 +206,6 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
         graph.watches[device.setup.name] = device
         graph.before_tick.append(device.wait)
     return world
-
-
-def _base(scenario: Scenario) -> Path:
-    return scenario.file.parent if scenario.file is not None else Path.cwd()
 
 
 def _reduced(section: MachineSection, only: Collection[str] | None) -> MachineSection:
@@ -332,7 +328,7 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     machine = world.machines[machine_name]
     sheets = {m.name: m.sheet for m in world.machines.values()}
     site = _Site(
-        world.field, world.obstacles, world.bodies, _base(world.scenario), sheets, world.before_asking,
+        world.field, world.obstacles, world.bodies, folder_of(world.scenario), sheets, world.before_asking,
         machine.origin,
     )  # fmt: skip
     place = _Place(machine.section, machine.sheet, machine.edge, machine.start, machine.mountings, site)

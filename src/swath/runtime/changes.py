@@ -32,13 +32,8 @@ from swath.field.solid.solids import merge
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
 from swath.scenario.resolved import SlotChoice
-from swath.scenario.scenario import Scenario, code_of, parse_scenario
+from swath.scenario.scenario import Scenario, code_of, folder_of, parse_scenario
 from swath.scenario.slots import CATALOGUE
-
-
-def folder_of(scenario: Scenario) -> Path:
-    """The folder that paths in a scenario start from."""
-    return scenario.file.parent if scenario.file is not None else Path.cwd()
 
 
 def named_files(value: Any, base: Path) -> set[Path]:

@@ -218,12 +218,12 @@ def code_of(scenario: Scenario) -> list[Path]:
     """Files with code that a scenario names, without crop habits, which data sheets name."""
     references = [r for _, choice in _choices(scenario) for r in _named(choice)]
     references += [reference for reference in scenario.evaluators if ".py:" in reference]
-    return list(dict.fromkeys(file_of(reference, _base(scenario)) for reference in references))
+    return list(dict.fromkeys(file_of(reference, folder_of(scenario)) for reference in references))
 
 
 def slots_without_code(scenario: Scenario) -> list[str]:
     """Full names of the slots that can be made with what may run."""
-    base = _base(scenario)
+    base = folder_of(scenario)
     slots = [(f"{m.name}.{slot}", c) for m in scenario.machines.values() for slot, c in m.slots.items()]
     return [name for name, choice in slots if all(is_allowed(r, base) for r in _named(choice))]
 
@@ -239,7 +239,8 @@ def _choices(scenario: Scenario) -> Iterator[tuple[str, LevelChoice]]:
         yield from scenario.realtime.cheaper
 
 
-def _base(scenario: Scenario) -> Path:
+def folder_of(scenario: Scenario) -> Path:
+    """The folder that paths in a scenario start from."""
     return scenario.file.parent if scenario.file is not None else Path.cwd()
 
 

@@ -13,10 +13,15 @@ Windows = list[tuple[Seconds, Seconds]]
 ByField = dict[str, Annotated[float, Field(ge=-1e6, le=1e6)]]
 
 
-class FaultSection(BaseModel):
-    """A fault of a slot's output: first the values, then held, lost and late samples."""
+class Section(BaseModel):
+    """What takes only the keys that it has."""
 
     model_config = STRICT
+
+
+class FaultSection(Section):
+    """A fault of a slot's output: first the values, then held, lost and late samples."""
+
     scale: Annotated[ByField, Field(description="field: factor; -1 turns the sign round")] = {}
     bias: Annotated[
         ByField, Field(description="field with its unit, such as `offset_m` or `heading_deg`: added")
@@ -50,19 +55,17 @@ class FaultSection(BaseModel):
 Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
-class Head(BaseModel):
+class Head(Section):
     """Name, summary and seed."""
 
-    model_config = STRICT
     name: Annotated[str, Field(pattern=NAME_PATTERN, description="default: the file's name")]
     summary: Annotated[str, Field(max_length=LONGEST_SUMMARY, description="one line")] = ""
     seed: Annotated[int, Field(ge=0, lt=1 << 63, description="of every random stream")] = 1
 
 
-class Run(BaseModel):
+class Run(Section):
     """How long a run lasts: it ends at whichever limit comes first."""
 
-    model_config = STRICT
     distance_m: Annotated[
         float, Field(gt=0, le=1e6, description="driven by a machine that cuts; without one, by any [m]")
     ] = 120.0
@@ -79,10 +82,9 @@ class Run(BaseModel):
     ] = "end"
 
 
-class RealTime(BaseModel):
+class RealTime(Section):
     """A run in step with the clock on the wall. Without the section a run goes as fast as it can."""
 
-    model_config = STRICT
     pace: Annotated[
         Literal["real_time", "free"], Field(description="free: as fast as it can, the section rests")
     ] = "real_time"
@@ -108,10 +110,9 @@ class RealTime(BaseModel):
     ] = None
 
 
-class Bounds(BaseModel):
+class Bounds(Section):
     """Bounds of a value; both included."""
 
-    model_config = STRICT
     min: Annotated[float | None, Field(description="smallest value that passes")] = None
     max: Annotated[float | None, Field(description="largest value that passes")] = None
 
@@ -190,10 +191,9 @@ class Limit(Bounds):
         return {key: value for key, value in self.plain().items() if key in keys}
 
 
-class StartAlongEdge(BaseModel):
+class StartAlongEdge(Section):
     """Start on the nominal edge, heading along it."""
 
-    model_config = STRICT
     along_edge_m: Annotated[Metres, Field(description="of the header end from the edge's start [m]")] = 0.0
     offset_m: Annotated[
         float, Field(ge=-100, le=100, description="of the header end, to the left of the edge [m]")
@@ -203,10 +203,9 @@ class StartAlongEdge(BaseModel):
     ] = 0.0
 
 
-class StartPose(BaseModel):
+class StartPose(Section):
     """Start at a place in the world, the middle of the fixed axle."""
 
-    model_config = STRICT
     x_m: Annotated[Metres, Field(description="east [m]")]
     y_m: Annotated[Metres, Field(description="north [m]")]
     heading_deg: Annotated[
@@ -214,10 +213,9 @@ class StartPose(BaseModel):
     ] = 0.0
 
 
-class GeoPlace(BaseModel):
+class GeoPlace(Section):
     """Where on Earth the world's origin lies (WGS 84)."""
 
-    model_config = STRICT
     latitude_deg: Annotated[float, Field(ge=-80, le=84, description="within the zones of UTM [deg]")]
     longitude_deg: Annotated[float, Field(ge=-180, le=180, description="east of Greenwich [deg]")]
     height_m: Annotated[float, Field(ge=-1000, le=10_000, description="of z = 0 above the ellipsoid [m]")] = (
@@ -228,20 +226,18 @@ class GeoPlace(BaseModel):
 ConeIndex = Annotated[float, Field(ge=100, le=10_000)]
 
 
-class WetSpot(BaseModel):
+class WetSpot(Section):
     """A round place of softer soil."""
 
-    model_config = STRICT
     x_m: Annotated[Metres, Field(description="of its middle, east [m]")]
     y_m: Annotated[Metres, Field(description="of its middle, north [m]")]
     radius_m: Annotated[float, Field(gt=0, le=1000, description="of the spot [m]")]
     cone_index_kpa: Annotated[ConeIndex, Field(description="strength of its soil [kPa]")] = 400.0
 
 
-class SoilSection(BaseModel):
+class SoilSection(Section):
     """Ground that gives way under wheels; without the section it is firm. docs/explanation/machine.md."""
 
-    model_config = STRICT
     cone_index_kpa: Annotated[
         ConeIndex, Field(description="strength of the soil: 450 soft, 900 tilled, 1200 firm, 1800 hard [kPa]")
     ] = 1200.0
@@ -255,10 +251,9 @@ class SoilSection(BaseModel):
     ] = 3.0
 
 
-class FieldCommon(BaseModel):
+class FieldCommon(Section):
     """What the field takes beside its parts."""
 
-    model_config = STRICT
     seed: Annotated[
         int | None,
         Field(ge=0, lt=1 << 63, description="of terrain and stand alone; default: that of the run"),
@@ -275,10 +270,9 @@ class FieldCommon(BaseModel):
     ] = None
 
 
-class SlotCommon(BaseModel):
+class SlotCommon(Section):
     """What every slot of a machine takes beside its level's own keys."""
 
-    model_config = STRICT
     rate_hz: Annotated[float, Field(gt=0, le=10_000, description="how often it runs [Hz]")]
     offset_ms: Annotated[float, Field(ge=0, le=1e6, description="first due this long after 0 [ms]")] = 0.0
     latch: Annotated[bool, Field(description="see only samples from before the tick")] = False
@@ -307,10 +301,9 @@ class SlotCommon(BaseModel):
 BodyPlace = Annotated[float, Field(ge=-50, le=50)]
 
 
-class BodySection(BaseModel):
+class BodySection(Section):
     """The shape of a machine from the user's own file."""
 
-    model_config = STRICT
     file: Annotated[str, Field(description="URDF, SDF, or a mesh (OBJ, PLY, STL, GLB; extra mesh)")]
     x_m: Annotated[
         BodyPlace, Field(description="the file's origin ahead of the middle of the fixed axle [m]")
@@ -335,10 +328,9 @@ class BodySection(BaseModel):
     reflectance: Annotated[float, Field(gt=0, le=1, description="at 905 nm, diffuse")] = 0.3
 
 
-class MachineCommon(BaseModel):
+class MachineCommon(Section):
     """What a machine section takes beside its slots."""
 
-    model_config = STRICT
     machine: Annotated[str, Field(description="name in data/machines, or your own YAML file")] = (
         "lexion-700-class"
     )

@@ -3,10 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.units import Quantity
 from swath.signals.arrays import F64
 from swath.signals.settings import Works
 
@@ -28,11 +30,11 @@ class OpenBox:
     floor: above the ground [m]
     """
 
-    x: float
-    length: float
-    width: float
-    depth: float
-    floor: float
+    x: Annotated[float, Quantity("m", -20, 20)]
+    length: Annotated[float, Quantity("m", 0.5, 30)]
+    width: Annotated[float, Quantity("m", 0.5, 5)]
+    depth: Annotated[float, Quantity("m", 0.1, 5)]
+    floor: Annotated[float, Quantity("m", 0, 5)]
 
     @property
     def rim(self) -> float:
@@ -44,21 +46,21 @@ class OpenBox:
 class Pipe:
     """An unloading pipe.
 
-    x, y, z: its pivot in the machine frame [m]
+    x, y, z: its pivot in the machine frame [m], z also of its mouth
     length [m]: pivot to mouth, outward and level
     swing: largest angle from folded straight back to out, to the left [rad]; rate [rad/s]
     exit_speed: of the grain [m/s]
     fall: its direction below the pipe's [rad]
     """
 
-    x: float
-    y: float
-    z: float
-    length: float
-    swing: float
-    rate: float
-    exit_speed: float
-    fall: float
+    x: Annotated[float, Quantity("m", -20, 20)]
+    y: Annotated[float, Quantity("m", -5, 5)]
+    z: Annotated[float, Quantity("m", 0.5, 8)]
+    length: Annotated[float, Quantity("m", 0.5, 15)]
+    swing: Annotated[float, Quantity("deg", 10, 150)]
+    rate: Annotated[float, Quantity("deg_s", 0.5, 90)]
+    exit_speed: Annotated[float, Quantity("m_s", 0.1, 20)]
+    fall: Annotated[float, Quantity("deg", 0, 89)]
 
 
 @dataclass(frozen=True)

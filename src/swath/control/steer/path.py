@@ -19,10 +19,19 @@ from typing import Annotated, NamedTuple
 
 from annotated_types import Ge, Gt, Le
 
-from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends, rounded, wrapped
-from swath.control.steer.plant_model import CRAWL, SLIP_LIMIT, ActuatorModel, SlipObserver, driven_curvature
+from swath.control.steer.guidance_line import Bend, GuidanceLine, along_bends, rounded
+from swath.control.steer.plant_model import (
+    CRAWL,
+    SLIP_LIMIT,
+    ActuatorModel,
+    Learns,
+    Share,
+    SlipObserver,
+    driven_curvature,
+)
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
+from swath.core.frames import wrapped
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -73,7 +82,7 @@ class Begin:
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(Learns):
     """A path, given by one of points_m, segments and file.
 
     points_m: [x, y] in the field's frame; corners are rounded
@@ -87,13 +96,7 @@ class Params:
         speed
     time_s: that distance over speed
     approach_deg: steepest angle at which a far path is approached
-    dead_time_s: dead time of the steering, bridged by prediction
-    lag_s: time constant of the steering, bridged by prediction
-    rate_deg_s: limit of the wanted steering angle's rate
     share_of_lock: share of the full steering angle that is used [1]
-    trim_m: distance over which the machine's understeer is learned, 0 = never
-    slip_m: distance over which side slip is learned, 0 = never
-    slip_step_cm: error beyond which side slip is not learned
     accuracy_m: standard deviation of the position beyond which the law lets go
     hold_s: time for which it keeps its last command without a position that good
     run_out_m: how far behind the path's end it goes straight on before it lets go
@@ -110,13 +113,7 @@ class Params:
     distance_m: Annotated[float, Gt(0.5), Le(100)] = 3.0
     time_s: Annotated[float, Gt(0), Le(20)] = 1.2
     approach_deg: Annotated[float, Gt(0), Le(60)] = 20.0
-    dead_time_s: Annotated[float, Ge(0), Le(2)] = 0.15
-    lag_s: Annotated[float, Ge(0), Le(2)] = 0.2
-    rate_deg_s: Annotated[float, Gt(0), Le(90)] = 15.0
-    share_of_lock: Annotated[float, Gt(0), Le(1)] = 0.95
-    trim_m: Annotated[float, Ge(0), Le(1000)] = 12.0
-    slip_m: Annotated[float, Ge(0), Le(1000)] = 6.0
-    slip_step_cm: Annotated[float, Gt(0), Le(100)] = 10.0
+    share_of_lock: Share = 0.95
     accuracy_m: Annotated[float, Gt(0), Le(100)] = 1.0
     hold_s: Annotated[float, Ge(0), Le(10)] = 1.0
     run_out_m: Annotated[float, Ge(0), Le(100)] = 2.0

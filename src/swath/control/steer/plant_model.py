@@ -1,8 +1,11 @@
 """What the law assumes about the machine between its command and the path: dead time, then a lag."""
 
 from collections import deque
+from dataclasses import dataclass
 from math import isfinite, tan
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
+
+from annotated_types import Ge, Gt, Le
 
 from swath.core.component import KeepsState
 from swath.core.units import DEG
@@ -12,6 +15,29 @@ CRAWL = 0.2  # m/s, below which the path curvature cannot be measured and the sl
 
 
 PREVIEW, STANLEY, PURE_PURSUIT = range(3)  # laws of `preview_kernel`
+Share = Annotated[float, Gt(0), Le(1)]
+
+
+@dataclass(frozen=True)
+class Learns:
+    """How a law foresees the steering, and learns what of its commands the machine does not do.
+
+    dead_time_s: dead time of the steering, bridged by prediction
+    lag_s: time constant of the steering, bridged by prediction
+    rate_deg_s: limit of the wanted steering angle's rate
+    share_of_lock: share of the full steering angle that is used [1]
+    trim_m: distance over which the machine's understeer is learned, 0 = never
+    slip_m: distance over which side slip is learned, 0 = never
+    slip_step_cm: error beyond which side slip is not learned
+    """
+
+    dead_time_s: Annotated[float, Ge(0), Le(2)] = 0.15
+    lag_s: Annotated[float, Ge(0), Le(2)] = 0.2
+    rate_deg_s: Annotated[float, Gt(0), Le(90)] = 15.0
+    share_of_lock: Share = 0.8
+    trim_m: Annotated[float, Ge(0), Le(1000)] = 12.0
+    slip_m: Annotated[float, Ge(0), Le(1000)] = 6.0
+    slip_step_cm: Annotated[float, Gt(0), Le(100)] = 10.0
 
 
 def driven_curvature(odometry: Odometry, wheelbase: float, limit: float) -> float:

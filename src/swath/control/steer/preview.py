@@ -32,7 +32,7 @@ from annotated_types import Ge, Gt, Le
 from swath.compiled import Compiled
 from swath.control.inclination import CRAB, Inclination
 from swath.control.inertial_memory import AllInertial
-from swath.control.steer.plant_model import PREVIEW, SLIP_LIMIT, ActuatorModel, SlipObserver
+from swath.control.steer.plant_model import PREVIEW, SLIP_LIMIT, ActuatorModel, Learns, SlipObserver
 from swath.control.yaw_rate import YawRate
 from swath.core.component import Port
 from swath.core.random import Stream
@@ -46,21 +46,14 @@ from swath.signals.setup import ControlSetup
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(Learns):
     """The preview law.
 
     overlap_m: how far the header end is kept outside the crop
     lookahead_m: least preview distance d, which is the greater of lookahead_m and lookahead_s times speed
     lookahead_s: preview distance over speed
     approach_deg: steepest angle at which a far edge is approached
-    dead_time_s: dead time of the steering, bridged by prediction
-    lag_s: time constant of the steering, bridged by prediction
-    trim_m: distance over which the machine's understeer is learned, 0 = never
-    slip_m: distance over which side slip is learned, 0 = never
-    slip_step_cm: error beyond which side slip is not learned
     crab: side slip that is expected, per side slope or lateral acceleration in g [1]
-    rate_deg_s: limit of the wanted steering angle's rate
-    share_of_lock: share of the full steering angle that is used [1]
     hold_s: time for which the last curvature is held after the edge is lost; then the law lets go, the wheels
         stay where they are and a person must steer
     engage_s: time to blend in when an edge is found
@@ -70,14 +63,7 @@ class Params:
     lookahead_m: Annotated[float, Gt(0.5), Le(30)] = 4.0
     lookahead_s: Annotated[float, Ge(0), Le(10)] = 2.0
     approach_deg: Annotated[float, Gt(0), Le(45)] = 12.0
-    dead_time_s: Annotated[float, Ge(0), Le(2)] = 0.15
-    lag_s: Annotated[float, Ge(0), Le(2)] = 0.2
-    trim_m: Annotated[float, Ge(0), Le(1000)] = 12.0
-    slip_m: Annotated[float, Ge(0), Le(1000)] = 6.0
-    slip_step_cm: Annotated[float, Gt(0), Le(100)] = 10.0
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
-    rate_deg_s: Annotated[float, Gt(0), Le(90)] = 15.0
-    share_of_lock: Annotated[float, Gt(0), Le(1)] = 0.8
     hold_s: Annotated[float, Ge(0), Le(10)] = 1.0
     engage_s: Annotated[float, Ge(0), Le(10)] = 0.5
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import atan
 
-from swath.core.errors import InputError
+from swath.core.errors import check_within
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,7 @@ class TurnLimits:
     def __post_init__(self) -> None:
         """Refuse what no machine does."""
         for key, low, high in (("radius", 0.5, 200.0), ("sharpness", 1e-5, 100.0)):
-            if not low <= getattr(self, key) <= high:
-                raise InputError(f"turn.{key}", getattr(self, key), f"expected {low:g} to {high:g}")
+            check_within(f"turn.{key}", getattr(self, key), low, high)
 
 
 def limits_of(wheelbase: float, radius: float, steer_rate: float, speed: float) -> TurnLimits:

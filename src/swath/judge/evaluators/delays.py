@@ -17,7 +17,6 @@ class Delays(Later):
     What arrives at the start of the run does not count: every reader has to have something to begin with.
     """
 
-    OF_FIELD = False
     SIGNALS = (CropEdge, SteerCommand)
     METRICS = (
         Metric("edge_delay_s", "s", "age of detected edges on arrival, 95th percentile", "Edge detection",

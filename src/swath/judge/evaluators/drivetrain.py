@@ -19,7 +19,6 @@ RPM = np.pi / 30.0  # [rad/s]
 class Drivetrain(Later):
     """Judges loads and engine once the machine has driven the settling distance with crop in its drum."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState, MachineLoad, EngineState)
     METRICS = (
         Metric("mean_throughput_t_h", "t/h", "grain taken in per hour, after settling", GROUP,

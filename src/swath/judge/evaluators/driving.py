@@ -9,7 +9,6 @@ from swath.signals import MachineState
 class Driving(Later):
     """The way of the middle of the fixed axle."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState,)
     METRICS = (Metric("distance_m", "m", "way of the fixed axle's centre", "Run", "", "", "", 1),)
 

@@ -152,7 +152,6 @@ class EdgeDetection(SeesAll, Later):
     What stands there is looked up at the time of the sample, and judged later, many together.
     """
 
-    OF_FIELD = False
     SIGNALS = (MachineState, CropEdge)
     live = (CropEdge,)
     COLUMNS = ("edge_true_m", "edge_wall_m")

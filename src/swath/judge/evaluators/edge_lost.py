@@ -24,7 +24,6 @@ class EdgeLost(Later):
     not the automatic has handed over to a person meanwhile.
     """
 
-    OF_FIELD = False
     SIGNALS = (MachineState, CropEdge, SteerCommand)
     METRICS = (
         Metric("edge_lost_count", "", f"times that the edge was lost for {LEAST_S:g} s or longer while the "

@@ -17,7 +17,6 @@ STEP_M = 0.05  # driven between two looks
 class Gaps(Later):
     """Events `gap`: from where the header end comes beside a gap of its edge to where it leaves it."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState,)
     METRICS: tuple[Metric, ...] = ()
     EVENTS = ("gap",)

@@ -17,7 +17,6 @@ LOSSES = ("threshing_loss", "separation_loss", "cleaning_loss")
 class GrainQuality(Later):
     """Events `blockage`: an organ takes no more; of a process whose organs are slots."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState, MachineLoad, OrganLoads)
     METRICS = (
         Metric("broken_percent", "%", "broken grain, of the grain that came into the tank", GROUP, "lower",

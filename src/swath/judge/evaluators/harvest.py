@@ -17,7 +17,6 @@ NODE_M = 0.5  # length of the strips in which uncut crop is counted
 class Harvest(Later):
     """Area and grain cut, use of the header's width, crop left uncut."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState, CropFlow)
     METRICS = (
         Metric("header_use", "1", "area cut / area the header passed over, on the way after settling", GROUP,

@@ -13,7 +13,6 @@ GROUP = "Header height"
 class HeaderHeight(Later):
     """Height of the knife against the wanted one, after settling; grain that the header lost."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState, CropFlow, HeaderState)
     METRICS = (
         Metric("header_in_band", "1", "share of the time after settling in which the knife's mean height is "

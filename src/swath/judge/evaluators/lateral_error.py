@@ -29,7 +29,6 @@ class PathSeries:
 class LateralError(Later):
     """Lateral error of the header end against the initial edge, after settling."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState, CropFlow)
     COLUMNS = ("lateral_error_m",)
     METRICS = (

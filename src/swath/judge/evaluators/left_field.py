@@ -26,7 +26,6 @@ class LeftField(Later):
     Places are judged later, many together: what they are judged by stays as it is.
     """
 
-    OF_FIELD = False
     SIGNALS = (MachineState, CropFlow)
     METRICS = (
         Metric("left_the_field_count", "", "times that the whole header left the field", GROUP, "lower",

@@ -22,7 +22,6 @@ class Overfilled(Later):
     it is what it spilled; a process from elsewhere may report more in it than its sheet says that it holds.
     """
 
-    OF_FIELD = False
     SIGNALS = (MachineState, MachineLoad, HeapState)
     METRICS = (
         Metric("tank_spilled_kg", "kg", "grain that came to a full tank and ran over its rim",

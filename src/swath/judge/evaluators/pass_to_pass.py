@@ -20,7 +20,6 @@ class PassToPass(Later):
     A pass is a way on which the header cuts, of a machine that has a path, too: none turns without.
     """
 
-    OF_FIELD = False
     SIGNALS = (CropFlow, MachineState)
     METRICS = (
         Metric("pass_overlap_m", "m", "mean overlap with a pass before, driven the same way beside it",

@@ -24,7 +24,6 @@ LOOKED_BACK = 6 * NS  # from the stop: to brake from 10 km/h at 0.6 m/s2, and to
 class Stops(Later):
     """Events `stop`: the machine drove, and stands."""
 
-    OF_FIELD = False
     SIGNALS = (MachineState, Objects)
     METRICS = (
         Metric("stop_count", "", "times that the machine drove and then stood", "Driving", decimals=0),

@@ -8,14 +8,14 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import atan2, ceil, fsum, hypot, tan
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import Extra
-from swath.core.frames import Pose
+from swath.core.frames import Pose, rotation_of
 from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -28,7 +28,7 @@ from swath.machine.machine_sheet import Axle, MachineSheet, dynamics_of, masses_
 from swath.machine.motion import ON_SOIL
 from swath.machine.multibody.model import LEAST, WHEELS, mjcf
 from swath.machine.multibody.wheels import Wheel, Wheels
-from swath.machine.on_soil import OnSoil, met_by, soil_of
+from swath.machine.on_soil import OnSoil, OnTyres, met_by, soil_of
 from swath.machine.soil import Brixius, Firm, Grip
 from swath.machine.towing import DRIVEN
 from swath.machine.tyre import GRAVITY, axle_stiffness
@@ -42,17 +42,9 @@ SETTLE_STEP = 0.0025  # [s]
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(OnTyres):
     """A vehicle of several bodies; what is left out comes from the machine's sheet.
 
-    stiffness_per_rad: cornering stiffness over load
-    understeer_deg_per_g: > 0 where the front axle gives way more than the rear one, < 0 where less
-    friction: largest side force over load [1]
-    rolling_resistance: rolling resistance over load, on firm soil [1]
-    soil: `firm`, or `brixius`: wheels sink in and slip by the soil's cone index (ASABE D497); default: as
-        `field.soil` says
-    cone_index_kpa: strength of the soil under `brixius`: 450 soft, 900 tilled, 1200 firm, 1800 hard; default:
-        that of `field.soil`, else 1200
     suspension: whether the front axle is sprung
     header: whether the header is fitted
     engine: whether the engine drives and brakes; without it all wheels roll freely
@@ -61,12 +53,6 @@ class Params:
     substep_ms: longest integration step
     """
 
-    stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
-    understeer_deg_per_g: Annotated[float, Ge(-20), Le(20)] | None = None
-    friction: Annotated[float, Ge(0.05), Le(1.5)] | None = None
-    rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
-    soil: Literal["firm", "brixius"] | None = None
-    cone_index_kpa: Annotated[float, Ge(100), Le(10000)] | None = None
     suspension: bool = False
     header: bool = True
     engine: bool = True
@@ -270,13 +256,7 @@ class Multibody(KeepsState):
 
     def _rotation(self) -> Any:
         w, x, y, z = self.data.qpos[3:7].tolist()
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return rotation_of(x, y, z, w)
 
     def _ground_speed(self) -> float:
         return hypot(self.data.qvel[0], self.data.qvel[1])

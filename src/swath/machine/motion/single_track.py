@@ -6,7 +6,7 @@ the drive's closed loop. Equations, signs and validation: docs/explanation/machi
 
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -24,7 +24,7 @@ from swath.machine.attitude import TerrainFollower
 from swath.machine.machine_sheet import MachineSheet, dynamics_of, loaded
 from swath.machine.motion import ON_SOIL
 from swath.machine.motion.on_ground import OnGround
-from swath.machine.on_soil import OnSoil, met_by, soil_of
+from swath.machine.on_soil import OnSoil, OnTyres, met_by, soil_of
 from swath.machine.soil import Grip
 from swath.machine.towing import DRIVEN, ports_of, towed_by
 from swath.machine.traction import Traction, check_wheel_slip, pull, traction_of, wheels_of
@@ -41,29 +41,15 @@ GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 
 
 @dataclass(frozen=True)
-class Params:
+class Params(OnTyres):
     """A single-track model; what is left out comes from the machine's sheet.
 
-    stiffness_per_rad: cornering stiffness over load
-    understeer_deg_per_g: > 0 where the front axle gives way more than the rear one, < 0 where less
-    friction: largest side force over load [1]
-    rolling_resistance: rolling resistance over load, on firm soil [1]
-    soil: `firm`, or `brixius`: wheels slip and are held by the soil's cone index (ASABE D497), as in
-        `multibody`; default: as `field.soil` says
-    cone_index_kpa: strength of the soil under `brixius`: 450 soft, 900 tilled, 1200 firm, 1800 hard; default:
-        that of `field.soil`, else 1200
     start_speed_kmh: speed at t = 0
     wheel_slip: whether pull and slip of the driven wheels are reported for odometry; the machine drives the
         same either way
     substep_ms: longest integration step
     """
 
-    stiffness_per_rad: Annotated[float, Ge(0.5), Le(20)] | None = None
-    understeer_deg_per_g: Annotated[float, Ge(-20), Le(20)] | None = None
-    friction: Annotated[float, Ge(0.05), Le(1.5)] | None = None
-    rolling_resistance: Annotated[float, Ge(0), Le(0.3)] | None = None
-    soil: Literal["firm", "brixius"] | None = None
-    cone_index_kpa: Annotated[float, Ge(100), Le(10000)] | None = None
     start_speed_kmh: Annotated[float, Ge(0), Le(40)] = 0.0
     wheel_slip: bool = False
     substep_ms: Annotated[float, Ge(0.01), Le(20)] = 20.0

@@ -39,7 +39,7 @@ def run_engine_fit(args: argparse.Namespace) -> int:
     """Fit, print, write."""
     from rich.console import Console
 
-    from swath.core.errors import InputError
+    from swath.core.errors import check_within
     from swath.documents.yaml_document import dump
     from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
     from swath.field_io.logs.machine_log import read_machine_log
@@ -48,10 +48,8 @@ def run_engine_fit(args: argparse.Namespace) -> int:
     from swath.tools.calibrate.engine_fit import KEYS, fit_engine
     from swath.tools.compare_log.compare import Drive
 
-    if not 10 <= args.resamples <= 100_000:
-        raise InputError("--resamples", args.resamples, "expected 10 to 100000")
-    if not 0.0 <= args.straw <= 10.0:
-        raise InputError("--straw", args.straw, "expected 0 to 10")
+    check_within("--resamples", args.resamples, 10, 100_000)
+    check_within("--straw", args.straw, 0.0, 10.0)
     sheet = open_machine(args.model)
     with Console(stderr=True).status("reading the log") as status:
         log = read_machine_log(args.log, args.columns)

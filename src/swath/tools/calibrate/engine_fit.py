@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.core.units import split_unit
+from swath.core.units import rounded, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.logs.machine_log import MachineLog
 from swath.machine.machine_sheet import read_machine
@@ -27,6 +27,7 @@ from swath.tools.compare_log.compare import (
     SHOWN,
     STRETCH,
     Drive,
+    Fitted,
     LogRunner,
     SeriesStatistics,
     compare_series,
@@ -44,18 +45,13 @@ RESAMPLES = 2000  # of stretches, for the range of R2
 
 
 @dataclass(frozen=True)
-class FittedNumber:
+class FittedNumber(Fitted):
     """A number of the sheet. error: standard error by bootstrap over machines and stretches of each.
 
     left_out: its value without each of the machines
     """
 
-    key: str
-    start: float
-    value: float
-    error: float
     left_out: tuple[float, ...]
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -127,10 +123,10 @@ def fit_engine(
     errors = sums.bootstrap(ratio, resamples, Stream(seed, "calibrate"))
     numbers = []
     for i, key in enumerate(keys):
-        values = [_round(model.start[i] * r[i]) for r in (ratio, *others)]
-        error = _round(model.start[i] * errors[i])
+        values = [rounded(model.start[i] * r[i], 4) for r in (ratio, *others)]
+        error = rounded(model.start[i] * errors[i], 4)
         numbers.append(
-            FittedNumber(key, model.start[i], values[0], error, tuple(values[1:]), split_unit(key)[1])
+            FittedNumber(key, model.start[i], values[0], error, split_unit(key)[1], tuple(values[1:]))
         )
     return EngineFit(
         sheet=sheet.changed({n.key: n.value for n in numbers}),
@@ -244,7 +240,3 @@ def _joined(made: Sequence[dict[str, Array]], log: MachineLog) -> dict[str, Arra
     """Each machine's records out of the run that was not fitted to it."""
     index = np.arange(len(log))
     return {q: np.stack([of[q] for of in made])[log.machine, index] for q in ON}
-
-
-def _round(value: float) -> float:
-    return float(f"{value:.4g}")
