@@ -25,7 +25,7 @@ from swath.documents import j1939
 from swath.link.can import guidance
 from swath.link.can.box import ControllerBox, make_law
 from swath.link.can.bus import CLAIM, Message, Node, Where, check_bus
-from swath.scenario.slots import kind_of
+from swath.link.device.steered import check_steer
 from swath.signals import CropEdge, GroundSpeed, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 
@@ -102,9 +102,7 @@ class CanSteering(KeepsState):
     kept = ("_guidance", "_cycle", "_distance", "_peer", "_box")
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
-        kind = kind_of(setup.slot)
-        if kind is None or kind.name != "steer":
-            raise InputError("level", "can", "expected in a slot steer, it has no other messages")
+        check_steer(setup, "can", "messages")
         check_bus(params.where)
         self.overlap = params.overlap_m
         self._p, self._name, self._control = params, setup.name, setup.control

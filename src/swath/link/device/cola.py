@@ -150,11 +150,6 @@ class Values:
         self._bytes, self._at = rest, 0
         self._words = [] if binary else rest.split()
 
-    @property
-    def is_done(self) -> bool:
-        """Whether all has been read."""
-        return self._at >= len(self._bytes if self._binary else self._words)
-
     def read(self, kind: str) -> Any:
         """A number of a kind of FORMATS."""
         if self._binary:

@@ -7,21 +7,21 @@ as the module of AgOpenGPS does. The newest message counts: the run has to be pa
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
-from swath.core.errors import InputError, SwathError
+from swath.core.component import Inputs, Outputs
+from swath.core.errors import InputError
 from swath.core.foreign_code import NotNamed
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.link.device import pgn
 from swath.link.device.address import read_address
-from swath.link.device.wires import Events, Reader, UdpSender
-from swath.scenario.slots import kind_of
+from swath.link.device.steered import Steered, check_steer
+from swath.link.device.wires import UdpSender
 from swath.signals import Odometry, SteerCommand
 from swath.signals.setup import LinkSetup
 
@@ -43,27 +43,20 @@ class Params:
     overlap_m: Annotated[float, Ge(-1), Le(3)] = 0.10
 
 
-class AgOpenGpsSteering(KeepsState):
+class AgOpenGpsSteering(Steered):
     """The machine as a steering module."""
 
-    kept: ClassVar[tuple[str, ...]] = ("_command", "_heard_at")
-
     def __init__(self, params: Params, setup: LinkSetup) -> None:
-        kind = kind_of(setup.slot)
-        if kind is None or kind.name != "steer":
-            raise InputError("level", "agopengps", "expected in a slot steer, it has no other messages")
-        self._p, self._name, self._wheelbase = params, setup.name, setup.control.machine.wheelbase
-        self._listen = _at("listen", params.listen, pgn.LISTENS)
+        check_steer(setup, "agopengps", "messages")
+        where = _at("listen", params.listen, pgn.LISTENS)
+        super().__init__(setup, where, params.overlap_m, params.on_timeout)
+        self._p = params
         self._reply = _at("reply", params.reply, pgn.ANSWERS_TO)
-        self.overlap = params.overlap_m
         self.inputs = tuple(p for p in setup.inputs if p.name == "odometry" and p.signal is Odometry)
-        self.outputs = (Port("command", SteerCommand),)
-        self._reader: Reader | None = None
-        self._events = Events()
         self._answers: UdpSender | None = None
         self._arrived: list[int] = []
         self._peer: Any = None
-        self._wrong, self._others = 0, 0
+        self._others = 0
 
     @property
     def needs_real_time(self) -> str:
@@ -81,39 +74,32 @@ class AgOpenGpsSteering(KeepsState):
             found.append(f"steer: {self._wrong} datagrams were no message of AgOpenGPS")
         if self._others:
             found.append(f"steer: {self._others} datagrams of other senders were left out")
-        return found + [f"steer: at {t:.2f} s: {text}" for t, text in list(self._events.list)]
+        return found + self._told()
 
     def reset(self, stream: Stream) -> Outputs:
         """Listen; nobody steers yet. SwathError where the port cannot be had."""
-        self.close()
-        self._events = Events()
-        self._reader = Reader(self._listen, self._events)
+        begin = self._listen()
         self._answers = UdpSender(self._reply, self._events)
-        self._arrived, self._wrong, self._others, self._peer = [], 0, 0, None
+        self._arrived, self._others, self._peer = [], 0, None
         self._heard_at: int | None = None
-        self._command = SteerCommand(0, 0.0, False)
-        return {"command": self._command}
+        return begin
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """Take the newest message, answer it. SwathError where none came in time and that is to fail."""
-        if self._reader is None:
-            raise SwathError(f"{self._name}: the port is closed")
-        end = self._events.t = t + dt
-        odometry = inputs.get("odometry")
+        odometry, end = inputs.get("odometry"), t + dt
         angle = math.nan if odometry is None else odometry.steer_angle
-        for arrived, data, sender in self._reader.take():
+        for arrived, data, sender in self._heard(end):
             self._hear(data, sender, arrived, end, angle)
         if self._heard_at is not None and self._command.is_engaged:
             silent = end - self._heard_at
             if silent > round(self._p.timeout_ms * 1e6):
-                self._released(silent, end)
+                self._release(f"no PGN 254 for {silent / NS:.2f} s", end)
+                self._peer = None  # another may take over
         return {"command": self._command}
 
     def close(self) -> None:
-        """Leave the port. Calling it again does nothing."""
-        reader, self._reader = self._reader, None
-        if reader is not None:
-            reader.close()
+        """Leave the ports. Calling it again does nothing."""
+        super().close()
         answers, self._answers = self._answers, None
         if answers is not None:
             answers.close()
@@ -140,21 +126,13 @@ class AgOpenGpsSteering(KeepsState):
         self._arrived.append(arrived)
         self._heard_at = end
         is_on = command.is_on and command.speed >= pgn.SLOWEST
-        curvature = math.tan(command.angle) / self._wheelbase
+        curvature = math.tan(command.angle) / self._machine.wheelbase
         self._command = SteerCommand(end, curvature if is_on else self._command.curvature, is_on)
         self._say(pgn.steer_response(angle, is_free=True))
 
     def _say(self, data: bytes) -> None:
         assert self._answers is not None
         self._answers.send(data)
-
-    def _released(self, silent: int, end: int) -> None:
-        text = f"no PGN 254 for {silent / NS:.2f} s"
-        if self._p.on_timeout == "fail":
-            raise SwathError(f"{self._name}: {text}, at {end / NS:g} s of simulated time")
-        self._events(f"{text}; the steering was released")
-        self._peer = None  # another may take over
-        self._command = SteerCommand(end, self._command.curvature, False)
 
 
 def _at(key: str, text: str, port: int) -> Any:

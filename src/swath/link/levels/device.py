@@ -15,9 +15,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeptElsewhere, Outputs, Port
 from swath.core.errors import InputError, SwathError
-from swath.core.frames import Pose
+from swath.core.frames import Pose, wrapped
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -79,7 +79,7 @@ class DeviceClock:
         return now + self._offset
 
 
-class DeviceSlot:
+class DeviceSlot(KeptElsewhere):
     """A slot whose samples come from outside."""
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
@@ -92,6 +92,7 @@ class DeviceSlot:
             expected = f"expected a slot that sends a {signal.__name__}"
             raise InputError("address", params.address, expected)
         self._p, self._setup, self._name = params, setup, setup.name
+        self.whose = f"{setup.name}: a slot played by a device"
         self.inputs: tuple[Port, ...] = ()
         self.outputs = (port,)
         self._output = port.name
@@ -160,14 +161,6 @@ class DeviceSlot:
                 raise SwathError(f"{self._name}: {text}, at {end / NS:g} s of simulated time")
             self._events(f"no sample for {silent:g} ms")
         return {}
-
-    def save(self) -> State:
-        """Cannot be: the device goes on."""
-        raise SwathError(f"{self._name}: a slot played by a device cannot be saved")
-
-    def load(self, state: State) -> None:
-        """Cannot be: the device goes on."""
-        raise SwathError(f"{self._name}: a slot played by a device cannot be restored")
 
     def close(self) -> None:
         """Let the device go. Calling it again does nothing."""
@@ -316,7 +309,7 @@ class _NmeaStream:
 def _turned(north: float, bearing: float) -> float:
     """A bearing clockwise from north as an angle from east; north: where that lies, from east [rad]."""
     angle = (math.pi / 2.0 if math.isnan(north) else north) - bearing
-    return math.atan2(math.sin(angle), math.cos(angle)) if math.isfinite(angle) else math.nan
+    return wrapped(angle) if math.isfinite(angle) else math.nan
 
 
 LEVEL = Level(

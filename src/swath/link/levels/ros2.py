@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeptElsewhere, Outputs, Port
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.registry import Level
@@ -38,7 +38,7 @@ class Params:
     history: tuple[str, ...] = ()
 
 
-class Ros2Slot:
+class Ros2Slot(KeptElsewhere):
     """A slot of a machine whose part is a node."""
 
     def __init__(self, params: Params, setup: LinkSetup) -> None:
@@ -47,6 +47,7 @@ class Ros2Slot:
             if port not in names:
                 raise InputError(f"history.{index}", port, f"expected one of {', '.join(names) or 'none'}")
         self._p, self._setup = params, setup
+        self.whose = f"{setup.name}: a slot played by a node, which keeps its state,"
         self.inputs = tuple(
             dataclasses.replace(p, history=p.name in params.history)
             for p in setup.inputs
@@ -99,16 +100,6 @@ class Ros2Slot:
         self._stale += newest is None
         self._newest = newest if newest is not None else self._newest
         return self._newest
-
-    def save(self) -> State:
-        """Cannot be: the state is the node's."""
-        raise SwathError(
-            f"{self._setup.name}: a slot played by a node cannot be saved, the node keeps its state"
-        )
-
-    def load(self, state: State) -> None:
-        """Cannot be: the state is the node's."""
-        raise SwathError(f"{self._setup.name}: a slot played by a node cannot be restored")
 
     def close(self) -> None:
         """Leave the graph of ROS 2."""

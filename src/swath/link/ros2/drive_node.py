@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from annotated_types import Gt, Le
 
-from swath.core.component import Inputs, Outputs, Port, State
+from swath.core.component import Inputs, KeptElsewhere, Outputs, Port
 from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -75,7 +75,7 @@ class Params:
     start_timeout_s: Annotated[float, Gt(0), Le(3600)] = 30.0
 
 
-class DriveNode:
+class DriveNode(KeptElsewhere):
     """The slot `steer` or `speed` of a machine, driven by a stream of commands."""
 
     inputs: tuple[Port, ...] = ()
@@ -89,6 +89,7 @@ class DriveNode:
         self._p, self._setup, self._stream = params, setup, stream
         self.outputs = (port,)
         self._msgtype, self._topic = stream.msgtype(params.stamped), params.topic or stream.topic
+        self.whose = f"{setup.name}: a slot driven by {self._topic}"
         self._wheelbase = setup.control.machine.wheelbase
         self._arrived: list[Any] = []
         self._drive = Drive(0.0, 0.0)
@@ -147,14 +148,6 @@ class DriveNode:
         self._take(t + dt)
         self._steps += 1
         return self._outputs(t + dt)
-
-    def save(self) -> State:
-        """Cannot be: the state is the node's."""
-        raise SwathError(f"{self._setup.name}: a slot driven by {self._topic} cannot be saved")
-
-    def load(self, state: State) -> None:
-        """Cannot be: the state is the node's."""
-        raise SwathError(f"{self._setup.name}: a slot driven by {self._topic} cannot be restored")
 
     def close(self) -> None:
         """Leave the graph of ROS 2."""

@@ -216,7 +216,7 @@ class SlotNode:
     """
 
     def __init__(self, setup: LinkSetup, inputs: tuple[Port, ...], outputs: tuple[Port, ...]) -> None:
-        self._setup, self._outputs = setup, outputs
+        self._setup = setup
         machine, slot = setup.machine_name, setup.slot
         self._records = tuple(p for p in outputs if p.signal is not Scan)
         self._clouds = tuple(p for p in outputs if p.signal is Scan)
