@@ -133,7 +133,7 @@ def test_version_and_help(capsys):
         (["run", "strait"], "did you mean 'straight'?"),
         (["run", "small.yaml", "--seed", "x"], "seed = x: expected a whole number (--seed x)"),
         (["run", "small.yaml", "--set", "combine.speed.speed_kmh=-1"], "(--set combine.speed.speed_kmh=-1)"),
-        (["scan", "small.yaml", "--at", "-1"], "swath: --at-s = -1: expected seconds, 0 to 100000"),
+        (["scan", "small.yaml", "--at", "-1"], "swath: --at-s = -1.0: expected 0 to 100000"),
         (["levels", "lidr"], "did you mean 'lidar'?"),
         (["field"], "the following arguments are required: VERB"),
     ],

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from swath.commands.docs import folder
 from swath.commands.main import main
-from swath.commands.new import TEMPLATES, examples
+from swath.commands.new import TEMPLATES
 from swath.documents.data_sheets import find_sheet
 from swath.scenario.scenario import scenario_names
 
@@ -66,7 +67,7 @@ def test_a_scenario_is_printed_as_it_is(capsys):
 
 def test_every_scenario_file_names_the_schema():
     files = [find_sheet("scenarios", name) for name in scenario_names()]
-    files += [p for p in examples().rglob("*.yaml") if "\nformat: swath scenario" in p.read_text()]
+    files += [p for p in folder("examples").rglob("*.yaml") if "\nformat: swath scenario" in p.read_text()]
     assert len(files) > 10
     assert [str(f) for f in files if not f.read_text().startswith(HEADER)] == []
 

@@ -577,10 +577,12 @@ def worlds(
     InputError
         Where a number is less than 1, or the scenario cannot be used.
     """
+    from swath.tools.branch.branch import pairs
+
     for name, value in (("n", n), ("together", together), ("processes", processes)):
         if value < 1:
             raise InputError(name, value, "expected >= 1")
-    texts = {k: _text(v) for k, v in sets.items()} if isinstance(sets, Mapping) else _texts(sets)
+    texts = {k: _text(v) for k, v in sets.items()} if isinstance(sets, Mapping) else pairs(sets)
     first = load_scenario(scenario, sets=texts, seed=seed, code=code).seed
     entries = (
         {"scenario": scenario, "sets": {**texts, **_varied(vary or {}, first, i)}, "seed": first + i}
@@ -588,10 +590,6 @@ def worlds(
     )
     chunks = ((at, list(islice(entries, together))) for at in range(0, n, together))
     return _done(chunks, processes, code)
-
-
-def _texts(sets: Sequence[str]) -> dict[str, Any]:
-    return {key: value for key, _, value in (text.partition("=") for text in sets)}
 
 
 def _varied(vary: Vary, seed: int, world: int) -> dict[str, Any]:

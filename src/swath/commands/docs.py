@@ -42,11 +42,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def folder() -> Path:
-    """The folder with the pages: in the package, or beside `src` where it is run from its sources."""
+def folder(name: str = "docs") -> Path:
+    """A folder, that with the pages: in the package, or beside `src` where it is run from its sources."""
     package = Path(__file__).parents[1]
-    installed = package / "docs"
-    return installed if installed.is_dir() else package.parents[1] / "docs"
+    installed = package / name
+    return installed if installed.is_dir() else package.parents[1] / name
 
 
 def pages() -> dict[str, Path]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from swath.commands.docs import folder
 from swath.terminal.options import option
 
 PLACE = "start", 6  # among all commands
@@ -28,7 +29,9 @@ class Template:
     @property
     def path(self) -> Path:
         """The file that is copied."""
-        return (Path(__file__).parents[1] / "data" if "/" in self.source else examples()) / self.source
+        return (
+            Path(__file__).parents[1] / "data" if "/" in self.source else folder("examples")
+        ) / self.source
 
 
 TEMPLATES = {
@@ -103,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
             raise InputError("FILE", str(path), "expected a name that is free; nothing is overwritten")
     out.parent.mkdir(parents=True, exist_ok=True)
     if template is None:
-        shutil.copytree(examples(), out, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(folder("examples"), out, ignore=shutil.ignore_patterns("__pycache__"))
         print(out)
         return 0
     write_whole(
@@ -117,13 +120,6 @@ def run(args: argparse.Namespace) -> int:
         write_schema(out.parent / "scenario.schema.json")
     print(f"{out}: try it with\n  {command(*(word.format(file=out) for word in template.try_it))}")
     return 0
-
-
-def examples() -> Path:
-    """The folder with the examples: in the package, or beside `src` where it is run from its sources."""
-    package = Path(__file__).parents[1]
-    installed = package / "examples"
-    return installed if installed.is_dir() else package.parents[1] / "examples"
 
 
 _DESCRIPTION = """Write a commented template that runs as it is. An existing file is never overwritten.

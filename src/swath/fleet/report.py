@@ -189,9 +189,7 @@ def draw(w: Worked) -> Any:
 
 
 def _drawn(on: Callable[..., Any], *args: Any) -> Any:
-    import matplotlib as mpl
-
-    with mpl.rc_context(plots.STYLE):
+    with plots.styled():
         return on(*args)
 
 

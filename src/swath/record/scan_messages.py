@@ -51,16 +51,21 @@ def _picture(source: Source, t: int, encoding: str, pixels: NDArray[Any]) -> Any
     )
 
 
-def _jpeg(source: Source, image: Image) -> Any:
+def encoded(pixels: NDArray[Any], kind: str, **options: Any) -> bytes:
+    """Pixels as a file of a kind, `PNG` or `JPEG`. options: of Pillow's."""
     from PIL import Image as Picture
 
     held = io.BytesIO()
-    Picture.fromarray(image.colour).save(held, format="JPEG", quality=JPEG_QUALITY)
+    Picture.fromarray(pixels).save(held, format=kind, **options)
+    return held.getvalue()
+
+
+def _jpeg(source: Source, image: Image) -> Any:
     return source.make(
         "sensor_msgs/msg/CompressedImage",
         header=source.make.header(image.t, source.frame_of(Image)),
         format="rgb8; jpeg compressed rgb8",
-        data=np.frombuffer(held.getvalue(), dtype=np.uint8),
+        data=np.frombuffer(encoded(image.colour, "JPEG", quality=JPEG_QUALITY), dtype=np.uint8),
     )
 
 

@@ -36,15 +36,13 @@ def run_html(title: str, summary: Mapping[str, Any], folder: Path) -> Html:
 
 def _steering(tracks: Path) -> Html:
     """Lateral error and speed by distance, of the machines in a tracks.parquet."""
-    import matplotlib as mpl
-
     from swath.record.charts import CHARTS
     from swath.record.tracks import read_tracks
-    from swath.report.plots import STYLE, as_image, curves_figure
+    from swath.report.plots import as_image, curves_figure, styled
 
     columns = read_tracks(tracks)
     names = dict.fromkeys(columns["machine"].tolist())
     machines = {n: {k: v[columns["machine"] == n] for k, v in columns.items()} for n in names}
     charts = [{**vars(c), "curves": [vars(c.curves[0])]} for c in CHARTS if c.title in SHOWN]
-    with mpl.rc_context(STYLE):
+    with styled():
         return _image(as_image(curves_figure(machines, charts)))

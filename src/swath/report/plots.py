@@ -67,6 +67,13 @@ STYLE = {
 }
 
 
+def styled(**more: Any) -> Any:
+    """The context in which figures are drawn. more: on top of `STYLE`."""
+    import matplotlib
+
+    return matplotlib.rc_context({**STYLE, **more})
+
+
 def figure(width: float, height: float, *, layout: Literal["constrained"] | None = "constrained") -> Any:
     """An empty figure [inch] with the Agg canvas. layout: None = its axes lie where they were put."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -8,6 +8,7 @@ from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import PlantLibrary
 from swath.field.stand import uniform
 from swath.field.terrain import plane
+from swath.field.weather import SiteWeather
 
 
 def level_stand(
@@ -19,12 +20,15 @@ def level_stand(
     sheet: str = "",
     library: PlantLibrary | None = None,
     cut_at: float | None = None,
+    edge: StraightEdge | None = None,
+    weather: SiteWeather | None = None,
 ) -> Field:
     """Crop, or its stubble, all around the origin, drilled as its sheet says.
 
     density: stems/m2, of few plants the library holds a little more; height: of the crop [m], None = the
     sheet's; sheet: name or file of the crop's data sheet, "" = that of its name; library: plants to use
     cut_at: height of stubble [m], to the centimetre; None = the crop stands
+    edge: of the crop, None = there is none near
     """
     setup = FieldSetup()
     params = uniform.Params(
@@ -37,6 +41,6 @@ def level_stand(
     line = StraightEdge(
         x_m=-200.0, y_m=-200.0, length_m=400.0, crop_begins_m=begins, stubble_height_m=stubble
     )
-    edge = make_edge(line, setup)
     ground, stand = plane.Plane(plane.Params(), setup), uniform.Uniform(params, setup)
-    return make_field(ground, stand, edge, crop=crop, library=library, stream=stream)
+    made = make_edge(edge or line, setup)
+    return make_field(ground, stand, made, crop=crop, library=library, stream=stream, weather=weather)

@@ -148,6 +148,12 @@ def exact_topic(slot: str, output: str) -> str:
     return f"/{slot.replace('.', '/')}/{output}{SUFFIX}"
 
 
+def exact_outputs(log: Log) -> dict[str, str]:
+    """What a recording holds bit for bit: topic -> `slot.output`."""
+    topics = [topic for topic, kind in log.topics().items() if kind == MSGTYPE]
+    return {topic: topic.removesuffix(SUFFIX).strip("/").replace("/", ".") for topic in topics}
+
+
 def exact_samples(blocks: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
     """The samples in blocks; they come in the order in which they were published."""
     for _, _, block in blocks:

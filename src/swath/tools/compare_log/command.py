@@ -1,6 +1,7 @@
 """`swath compare`: `log`, a machine model against a recorded log; `scans`, two sets of scans."""
 
 import argparse
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,18 +68,14 @@ def run_log(args: argparse.Namespace) -> int:
     """Compare, print, write."""
     from rich.console import Console
 
-    from swath.core.errors import InputError
-    from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
+    from swath.core.errors import InputError, check_within
     from swath.field_io.logs.steer_log import is_steer_log
     from swath.terminal.tables import number, table
     from swath.tools.compare_log.compare import Drive, compare_log
     from swath.tools.compare_log.page import statistic_rows, write_comparison
 
     for key, low, high in (("straw", 0.0, 10.0), ("friction", 0.0, 50.0), ("flow_floor", 0.0, 200.0)):
-        if not low <= getattr(args, key) <= high:
-            raise InputError(
-                f"--{key.replace('_', '-')}", getattr(args, key), f"expected {low:g} to {high:g}"
-            )
+        check_within(f"--{key.replace('_', '-')}", getattr(args, key), low, high)
     if is_steer_log(args.log, args.columns):
         return _run_steering(args)
     if args.antenna is not None:
@@ -98,13 +95,23 @@ def run_log(args: argparse.Namespace) -> int:
         table(f"fitted on {made.fitted_on}", ("key", "start", "fitted", "error", "unit"), rows)
     head = ("quantity", "records", "model", "count", "R2", "RMSE", "bias", "r", "lag s")
     table(f"{made.model} against {made.log_name}", head, statistic_rows(made))
+    return _tell(made, made.log.notes, args.out, write_comparison)
+
+
+def _tell(made: Any, notes: Sequence[str], out: Path | None, write: Callable[[Any, Path], Any]) -> int:
+    """Columns and notes, and where all of it was written."""
+    from rich.console import Console
+
+    from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
+    from swath.terminal.tables import table
+
     table("columns", COLUMN_HEAD, column_rows(made.log.column_map.summary()))
     console = Console(highlight=False)
-    for note in made.log.notes:
+    for note in notes:
         console.print(f"note: {note}", markup=False)
-    if args.out is not None:
-        write_comparison(made, args.out)
-        console.print(f"written: {args.out}/report.html", markup=False)
+    if out is not None:
+        write(made, out)
+        console.print(f"written: {out}/report.html", markup=False)
     return 0
 
 
@@ -116,10 +123,9 @@ def _run_steering(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swath.core.errors import InputError
-    from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
     from swath.terminal.tables import table
     from swath.tools.compare_log.steering_fit import compare_steering
-    from swath.tools.compare_log.steering_page import fitted_rows, left_rows, write_steering
+    from swath.tools.compare_log.steering_page import FITTED, fitted_rows, left_rows, write_steering
 
     for key in _OF_THE_ENGINE:
         if getattr(args, key):
@@ -132,15 +138,7 @@ def _run_steering(args: argparse.Namespace) -> int:
             args.model, args.log, fit=args.fit, on=next(iter(args.on), None),
             antenna=tuple(args.antenna or (0.0, 0.0)), columns=args.columns, progress=status.update,
         )  # fmt: skip
-    head = ("part", "key", "data sheet", "fitted", "95 % interval", "unit")
-    table(f"{made.model} by {made.log_name}", head, fitted_rows(made))
+    table(f"{made.model} by {made.log_name}", FITTED, fitted_rows(made))
     columns = ("part", "compared with", "passes", "RMSE, data sheet", "fitted", "predicted", "unit")
     table("what is left", columns, left_rows(made))
-    table("columns", COLUMN_HEAD, column_rows(made.log.column_map.summary()))
-    console = Console(highlight=False)
-    for note in made.notes:
-        console.print(f"note: {note}", markup=False)
-    if args.out is not None:
-        write_steering(made, args.out)
-        console.print(f"written: {args.out}/report.html", markup=False)
-    return 0
+    return _tell(made, made.notes, args.out, write_steering)

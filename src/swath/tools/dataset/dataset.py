@@ -8,7 +8,6 @@ the camera goes from place to place. What varies between the pictures is of each
 its number alone.
 """
 
-import io
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -31,15 +30,16 @@ from swath.documents.json_file import read_object
 from swath.documents.packed import LARGEST_BYTES, readable
 from swath.documents.text_file import read_bytes
 from swath.field.solid.obstacles import SheetKind, SheetObstacle, things_of
+from swath.record.scan_messages import encoded
 from swath.runtime.assembly import assemble
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
-from swath.scenario.slots import kind_of
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.signals import OBSTACLE_KINDS, Image
 from swath.signals.image import ImageBoxes
 from swath.tools.dataset.coco import CATEGORIES, NAMES, annotations_of, category_map, mask_of
+from swath.tools.scan.scan import first_of_kind
 
 CROPS = ("wheat", "barley", "rye")
 DENSITIES = (300, 400, 500)  # stems/m2
@@ -279,8 +279,8 @@ def write_picture(out: Path, picture: int, image: Image, boxes: ImageBoxes, info
     names = tuple(kinds.get(n, "other") for n in range(1, max(kinds, default=0) + 1))
     categories = category_map(image.label, image.instance, names)
     name = name_of(picture)
-    write_whole(out / "images" / f"{name}.jpg", _encoded(image.colour, "JPEG", quality=JPEG_QUALITY))
-    write_whole(out / "masks" / f"{name}.png", _encoded(categories, "PNG", compress_level=3))
+    write_whole(out / "images" / f"{name}.jpg", encoded(image.colour, "JPEG", quality=JPEG_QUALITY))
+    write_whole(out / "masks" / f"{name}.png", encoded(categories, "PNG", compress_level=3))
     entry = {
         "image": {
             "id": picture + 1,
@@ -297,14 +297,6 @@ def write_picture(out: Path, picture: int, image: Image, boxes: ImageBoxes, info
         "annotations": annotations_of(image.instance, categories, names),
     }
     write_whole(part_of(out, picture), json.dumps(entry, separators=(",", ":")))
-
-
-def _encoded(pixels: Any, kind: str, **options: Any) -> bytes:
-    from PIL import Image as Picture
-
-    held = io.BytesIO()
-    Picture.fromarray(pixels).save(held, format=kind, **options)
-    return held.getvalue()
 
 
 COLOURS = {
@@ -401,10 +393,8 @@ def settings_of(
 def _camera_of(scenario: Scenario) -> tuple[str, str, tuple[str, ...]]:
     """Machine, slot, and the changes that make the slot where there is none."""
     for name, machine in scenario.machines.items():
-        for slot in machine.slots:
-            kind = kind_of(slot)
-            if kind is not None and kind.name == "camera":
-                return name, slot, ()
+        if (slot := first_of_kind("camera", machine.slots)) is not None:
+            return name, slot, ()
     name = next(iter(scenario.machines))
     mount = "{at: axle, x_m: 2.5, y_m: 0, z_m: 3.2, pitch_deg: 12}"
     return (

@@ -13,14 +13,13 @@ from swath.documents.yaml_document import read_document
 from swath.judge.summary import read_summary
 from swath.record.charts import Columns, shown_charts
 from swath.record.digest import encode
-from swath.record.read.feed import Timed, exact_samples
+from swath.record.read.feed import exact_outputs, exact_samples
 from swath.record.read.files import Log, open_log
-from swath.record.samples import MSGTYPE, SUFFIX
 from swath.replay.machines import derived
 from swath.replay.moments import events_of
 from swath.replay.writer import tracks_of
 from swath.report.html import Figure, Table, write_page
-from swath.report.plots import BLUE, ORANGE, STYLE, as_image, curves_figure, figure
+from swath.report.plots import BLUE, ORANGE, as_image, curves_figure, figure, styled
 from swath.runtime.folder import check_run_folder
 from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
@@ -69,7 +68,7 @@ class Comparison:
     @property
     def is_same(self) -> bool:
         """Both have the same digest: not a bit differs."""
-        return self.first.summary.get("digest") == self.second.summary.get("digest") is not None
+        return _is_same(self.first, self.second)
 
     @property
     def headline(self) -> str:
@@ -92,14 +91,14 @@ def compare(first: Path, second: Path) -> Comparison:
     """Compare two run folders. Raises InputError where one is none."""
     a, b = _read(first, second), _read(second, first)
     logs = [_log(first), _log(second)]
-    is_same = a.summary.get("digest") == b.summary.get("digest") is not None
+    is_same = _is_same(a, b)
     differences: list[Difference] = []
     is_exact = is_same
     if not is_same and logs[0] is not None and logs[1] is not None:
-        outputs = [_exact_topics(log) for log in logs if log is not None]
+        outputs = [exact_outputs(log) for log in logs if log is not None]
         is_exact = bool(outputs[0] and outputs[1])
         for topic in [t for t in outputs[0] if t in outputs[1]]:
-            found = _first_difference(topic, logs[0], logs[1])
+            found = _first_difference(topic, outputs[0][topic], logs[0], logs[1])
             differences += [found] if found else []
         order = list(a.summary.get("cost", ()))  # of the slots within a tick
         differences.sort(
@@ -108,6 +107,10 @@ def compare(first: Path, second: Path) -> Comparison:
     return Comparison(
         a, b, _settings(a, b), differences, is_exact, _metrics(a, b), [*_events(a), *_events(b)]
     )
+
+
+def _is_same(a: Run, b: Run) -> bool:
+    return a.summary.get("digest") == b.summary.get("digest") is not None
 
 
 def _read(folder: Path, other: Path) -> Run:
@@ -130,27 +133,19 @@ def _log(folder: Path) -> Log | None:
     return open_log(folder / "run.mcap") if (folder / "run.mcap").is_file() else None
 
 
-def _exact_topics(log: Log) -> list[str]:
-    return [topic for topic, kind in log.topics().items() if kind == MSGTYPE]
-
-
-def _first_difference(topic: str, a: Log, b: Log) -> Difference | None:
+def _first_difference(topic: str, slot: str, a: Log, b: Log) -> Difference | None:
     """The first difference of one output; being longer is no difference of a run."""
-    slot = topic.removesuffix(SUFFIX).strip("/").replace("/", ".")
     for one, other in zip_longest(*(exact_samples(log.messages((topic,))) for log in (a, b))):
         if one is None or other is None:
             return None
         if one[0] != other[0]:
-            return Difference(slot, min(one[0], other[0]), "time of the sample", _times(one, other))
+            times = f"{one[0] / NS:.4f}", f"{other[0] / NS:.4f}"
+            return Difference(slot, min(one[0], other[0]), "time of the sample", times)
         for name in dict.fromkeys([*flat_fields(type(one[1])), *flat_fields(type(other[1]))]):
             values = (_value(one[1], name), _value(other[1], name))
             if encode(values[0]) != encode(values[1]):
                 return Difference(slot, one[0], name, (shown_value(*values), shown_value(*reversed(values))))
     return None
-
-
-def _times(one: Timed, other: Timed) -> tuple[str, str]:
-    return f"{one[0] / NS:.4f}", f"{other[0] / NS:.4f}"
 
 
 def _value(sample: Signal, name: str) -> Any:
@@ -243,11 +238,9 @@ def write_diff(found: Comparison, path: Path) -> Path:
 
 
 def _figures(found: Comparison, machine: str) -> list[Figure]:
-    import matplotlib as mpl
-
     tracks = (found.first.tracks[machine], found.second.tracks[machine])
     names = (found.first.label, found.second.label)
-    with mpl.rc_context(STYLE):
+    with styled():
         way = Figure(
             f"Way of {machine}", as_image(_way(tracks, names)), "Middle of the fixed axle, seen from above."
         )

@@ -34,7 +34,7 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say what comes and how large it is, then write it."""
-    from swath.core.errors import InputError
+    from swath.core.errors import check_within
     from swath.runtime.assembly import assemble
     from swath.runtime.loop import drive
     from swath.tools.field_export.export import Wanted, export
@@ -43,9 +43,7 @@ def run(args: argparse.Namespace) -> int:
         ("ground_m", 5.0, 1000.0), ("plants_m", 0.0, 100.0), ("points_per_m2", 0.1, 1e5),
         ("at_s", 0.0, 1e5), ("most_mb", 1.0, 1e5),
     ):  # fmt: skip
-        if not low <= getattr(args, name) <= high:
-            flag = f"--{name.replace('_', '-')}"
-            raise InputError(flag, getattr(args, name), f"expected {low:g} to {high:g}")
+        check_within(f"--{name.replace('_', '-')}", getattr(args, name), low, high)
     wanted = Wanted(
         args.to,
         args.out,
@@ -68,16 +66,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _place(text: str | None) -> tuple[float, float] | None:
     """Two numbers from the command line."""
-    from swath.core.errors import InputError
+    from swath.core.errors import check_within
+    from swath.tools.height_map.command import numbers_of
 
     if text is None:
         return None
-    try:
-        x, y = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = float("nan")
-    if not (abs(x) <= 1e6 and abs(y) <= 1e6):
-        raise InputError("--place", text, "expected two numbers X,Y in metres")
+    x, y = numbers_of("--place", text, (2,), "X,Y in metres")
+    for value in (x, y):
+        check_within("--place", value, -1e6, 1e6)
     return x, y
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import Extra
+from swath.record.scan_messages import encoded
 from swath.signals import F64
 from swath.tools.field_export.scene import BODY, FieldScene, Ground, body_corners, ground_surface
 
@@ -72,11 +73,7 @@ def _ground(ground: Ground) -> Any:
 
 def picture_bytes(ground: Ground) -> bytes:
     """What lies on the ground as a PNG, north up."""
-    from PIL import Image
-
-    file = io.BytesIO()
-    Image.fromarray(ground.colours).save(file, format="PNG")
-    return file.getvalue()
+    return encoded(ground.colours, "PNG")
 
 
 def _linear(colour: str) -> list[float]:

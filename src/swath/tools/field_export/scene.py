@@ -262,9 +262,6 @@ def _rods(organs: Organs) -> tuple[F64, NDArray[np.int64]]:
 
 def _blades(organs: Organs) -> tuple[F64, NDArray[np.int64]]:
     """Ribbons, and triangles as ribbons without a width at their end."""
-    tip = organs.tip[:, None] * organs.half
-    corners = np.stack(
-        [organs.a - organs.half, organs.a + organs.half, organs.b + tip, organs.b - tip], axis=1
-    )
-    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(tip))[:, None, None]
+    corners = organs.quads(np.zeros(3))  # flat as they are, from wherever they are seen
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(corners))[:, None, None]
     return corners.reshape(-1, 3), faces.reshape(-1, 3)

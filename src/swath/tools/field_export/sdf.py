@@ -1,6 +1,5 @@
 """A scene as a world for Gazebo Harmonic: SDFormat 1.10, height map, plants as STL, other meshes as OBJ."""
 
-import io
 from collections.abc import Iterator
 from math import atan2, cos
 from pathlib import Path
@@ -13,6 +12,7 @@ from swath.core.files.whole_file import write_whole
 from swath.core.frames import Pose
 from swath.field.memory_layout import Solids
 from swath.field.site_setup import Sighted
+from swath.record.scan_messages import encoded
 from swath.runtime.world import World
 from swath.signals import F64
 from swath.tools.field_export.glb import MACHINE, picture_bytes
@@ -63,12 +63,8 @@ def height_bytes(ground: Ground) -> bytes:
     """Heights as a 16 bit PNG, 0 = lowest, 65535 = highest, the first row in the north, as Gazebo reads
     them.
     """
-    from PIL import Image
-
     share = (ground.filled - ground.low) / span(ground)
-    file = io.BytesIO()
-    Image.fromarray(np.rint(65535 * share[::-1]).astype(np.uint16)).save(file, format="PNG")
-    return file.getvalue()
+    return encoded(np.rint(65535 * share[::-1]).astype(np.uint16), "PNG")
 
 
 def span(ground: Ground) -> float:
@@ -95,11 +91,7 @@ def obj_bytes(corners: F64) -> bytes:
 
 def _level_bytes() -> bytes:
     """A map of normals that all point up."""
-    from PIL import Image
-
-    file = io.BytesIO()
-    Image.new("RGB", (8, 8), (128, 128, 255)).save(file, format="PNG")
-    return file.getvalue()
+    return encoded(np.full((8, 8, 3), (128, 128, 255), np.uint8), "PNG")
 
 
 def _settings(world: Element, scene: FieldScene) -> None:

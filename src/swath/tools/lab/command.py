@@ -85,21 +85,12 @@ def _settings(args: argparse.Namespace) -> Any:
 
 def _sets(texts: list[str]) -> dict[str, Any]:
     """`echo=nearest` -> {"echo": "nearest"}; `weather.rain_mm_h=2` nests."""
-    from swath.core.errors import InputError
-    from swath.documents.yaml_document import parse_value
+    from swath.scenario.overrides import change_of, put
 
     found: dict[str, Any] = {}
     for text in texts:
-        key, equals, value = text.partition("=")
-        path = key.split(".")
-        if not equals or "" in path:
-            raise InputError(f"--set {text}", None, "expected --set key=value")
-        into = found
-        for part in path[:-1]:
-            into = into.setdefault(part, {})
-            if not isinstance(into, dict):
-                raise InputError(f"--set {text}", None, f"expected a group of keys in {part}")
-        into[path[-1]] = parse_value(value, f"--set {text}")
+        change = change_of(f"--set {text}", text)
+        put(found, change.path, change.value, change.flag)
     return found
 
 

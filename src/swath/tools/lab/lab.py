@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, check_once, check_within
 from swath.core.files.temporary import TemporaryFolder
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -86,8 +86,7 @@ class Settings:
             ("--seed", (self.seed,), 0, 2**31),
         ):
             for value in values:
-                if not low <= value <= high:
-                    raise InputError(key, value, f"expected {low:g} to {high:g}")
+                check_within(key, value, low, high)
         lists: dict[str, tuple[object, ...]] = {
             "--stems-per-m2": self.densities,
             "--sensor": self.sensors,
@@ -95,8 +94,7 @@ class Settings:
             "--levels": self.levels or (),
         }
         for key, names in lists.items():
-            if len(set(names)) < len(names):
-                raise InputError(key, " ".join(str(n) for n in names), "expected each only once")
+            check_once(key, names)
 
 
 @dataclass(frozen=True)

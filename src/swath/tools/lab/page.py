@@ -138,10 +138,8 @@ def comparison_rows(cases: Sequence[CaseComparison]) -> list[list[str]]:
 
 
 def _figures(lab: Lab, cases: Sequence[CaseComparison]) -> list[Figure]:
-    import matplotlib
-
     made = []
-    with matplotlib.rc_context(plots.STYLE):
+    with plots.styled():
         for degrees in lab.settings.depressions_deg:
             mine = [c for c in cases if c.heights.case.depression_deg == degrees]
             caption = (

@@ -15,7 +15,7 @@ import numpy as np
 
 from swath.core.component import Port
 from swath.core.errors import InputError, raise_all
-from swath.core.files.whole_file import write_whole
+from swath.core.files.whole_file import write_csv
 from swath.core.schedule import NS
 from swath.documents.text_file import text_lines
 from swath.signals.flat import FlatField, build, flat_fields, read
@@ -66,9 +66,7 @@ def write_table(path: Path, part: IsolatedPart, samples: Sequence[Arrival], end:
     if end > max(rows, default=0):
         rows[end] = {}
     names = dict.fromkeys(name for cells in rows.values() for name in cells)
-    lines = [",".join((TIME, *names))]
-    lines += [",".join((repr(t / NS), *(rows[t].get(n, "") for n in names))) for t in sorted(rows)]
-    write_whole(path, ("\n".join(lines) + "\n").encode())
+    write_csv(path, [{TIME: repr(t / NS), **rows[t]} for t in sorted(rows)], (TIME, *names))
 
 
 def _check_head(head: Sequence[str], part: IsolatedPart, path: Path) -> list[tuple[str, Column | None]]:

@@ -16,23 +16,20 @@ from typing import Any, Protocol
 import numpy as np
 
 from swath.control.objects import cluster
-from swath.core.errors import InputError
+from swath.core.errors import InputError, check_once, check_within
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG
 from swath.field.crop_sheet import load_crop
-from swath.field.edges.edge import StraightEdge, make_edge
-from swath.field.field import Field, make_field
-from swath.field.field_setup import FieldSetup
+from swath.field.edges.edge import StraightEdge
+from swath.field.field import Field
 from swath.field.light import light
 from swath.field.maps.projection import origin_at
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import Body, SiteSetup
 from swath.field.solid.obstacles import Path as ObstaclePath
 from swath.field.solid.obstacles import SheetObstacle, things_of
-from swath.field.stand import uniform
-from swath.field.terrain import plane
 from swath.field.weather import GREEN, SiteWeather, Weather
 from swath.rays.engine import RayCaster
 from swath.sensing.camera import thermal
@@ -49,6 +46,7 @@ from swath.sensing.radar.ideal import RadarMount
 from swath.sensing.radar.solid_rays import aimed, distances
 from swath.signals import F64, MachineState
 from swath.signals.setup import ControlSetup, MachineGeometry
+from swath.tools.level_stand import level_stand
 
 EDGE_M = 6.0  # the crop begins so far ahead of the sensors, which stand above the knife
 KNIFE_M = 0.5
@@ -137,8 +135,7 @@ class Settings:
             ("--seed", (self.seed,), 0.0, 2.0**31),
         ):
             for value in values:
-                if not low <= value <= high:
-                    raise InputError(key, value, f"expected {low:g} to {high:g}")
+                check_within(key, value, low, high)
         for key, names, known in (
             ("--weather", self.weathers, tuple(WEATHERS)),
             ("--sensor", self.sensors, SENSORS),
@@ -146,8 +143,7 @@ class Settings:
             for name in names:
                 if name not in known:
                     raise InputError(key, name, f"expected one of {', '.join(known)}")
-            if len(set(names)) < len(names):
-                raise InputError(key, " ".join(names), "expected each only once")
+            check_once(key, names)
         if "thermal" in self.sensors and not self.hours:
             raise InputError(
                 "--hour", None, "expected one or more for thermal: what is warm goes by the hour"
@@ -210,20 +206,12 @@ def places() -> Iterator[tuple[float, float]]:
 
 def _field(settings: Settings, condition: Condition, stream: Stream) -> Field:
     crop = load_crop(settings.crop, settings.base)
-    setup = FieldSetup()
-    params = uniform.Params(
-        crop=settings.crop,
-        stems_per_m2=condition.density,
-        row_spacing_m=crop.stand.row_spacing,
-        height_factor=condition.height / crop.stand.height,
-    )
-    line: Any = StraightEdge(
-        x_m=EDGE_M, y_m=-200.0, length_m=400.0, crop_begins_m=None, stubble_height_m=0.15
-    )
-    ground, stand = plane.Plane(plane.Params(), setup), uniform.Uniform(params, setup)
+    edge = StraightEdge(x_m=EDGE_M, y_m=-200.0, length_m=400.0, crop_begins_m=None, stubble_height_m=0.15)
     air = None if condition.hour is None else air_at(condition.hour)
-    edge, own = make_edge(line, setup), stream.child("stand")
-    return make_field(ground, stand, edge, crop=crop, stream=own, weather=air)
+    own = stream.child("stand")
+    return level_stand(
+        crop, condition.density, own, height=condition.height, sheet=settings.crop, edge=edge, weather=air
+    )
 
 
 def air_at(hour: float) -> SiteWeather:
@@ -424,7 +412,15 @@ class RadarSensor:
         return _decibel(strongest / radar.gain), loss, _decibel(around / radar.gain)
 
 
-class CameraSensor:
+class Picture:
+    """What looks at pictures."""
+
+    def false_share(self, inside: float, aside: float) -> float:
+        """Share of looks with a false alarm."""
+        return 0.0  # a picture's geometry makes no mistakes; a detector would
+
+
+class CameraSensor(Picture):
     """A camera on the roof: height of the person in pixels times the share that the crop leaves in sight, and
     contrast through the air.
     """
@@ -467,12 +463,8 @@ class CameraSensor:
         why += ", too dark" if self._light < LEAST_SNR else ""
         return Answer(float(np.mean(found)), why if in_view else why + ", out of view")
 
-    def false_share(self, inside: float, aside: float) -> float:
-        """Share of looks with a false alarm."""
-        return 0.0  # a picture's geometry makes no mistakes; a detector would
 
-
-class ThermalSensor:
+class ThermalSensor(Picture):
     """A thermal camera on the roof, level `thermal`: how much is seen of the target, and how it differs from
     what is around it over the spread of that; no detector is run.
     """
@@ -517,10 +509,6 @@ class ThermalSensor:
             return 0.0, 0.0
         contrast = abs(float(kelvin[own].mean() - around.mean()))
         return float(own.sum()) * (self._focal / focal) ** 2, contrast / max(float(around.std()), 0.01)
-
-    def false_share(self, inside: float, aside: float) -> float:
-        """Share of looks with a false alarm."""
-        return 0.0  # as of the camera
 
 
 def _why(echo: float, loss: float, clutter: float) -> str:

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from swath.core.errors import Extra, InputError
 from swath.core.files.whole_file import new_file, write_whole
 from swath.core.schedule import NS
-from swath.record.read.feed import exact_samples
+from swath.record.read.feed import exact_outputs, exact_samples
 from swath.record.read.files import RUN, open_log
-from swath.record.samples import MSGTYPE, SUFFIX
 from swath.signals.flat import flat_fields, read
 
 BEGIN = datetime(2000, 1, 1, tzinfo=UTC)  # of every run, so that MF4 and BLF of a run are always the same
@@ -38,11 +37,10 @@ class Recorded:
 def recorded(folder: Path) -> Iterator[Recorded]:
     """The plain numbers of every output that was recorded sample by sample, one output after the other."""
     log = open_log(folder / RUN)
-    for topic in [topic for topic, kind in log.topics().items() if kind == MSGTYPE]:
+    for topic, name in exact_outputs(log).items():
         samples = list(exact_samples(log.messages((topic,))))
         if not samples:
             continue
-        name = topic.removesuffix(SUFFIX).strip("/").replace("/", ".")
         fields = [f for f in flat_fields(type(samples[0][1])).values() if f.kind != "array"]
         values = {
             f"{name}.{f.name}": (f.unit, np.array([float(read(s, f.name)) for _, s in samples]))

@@ -15,7 +15,7 @@ def add(parsers: Any) -> None:
     option(parser, "scenario NAME|FILE", "a bundled scenario, or a YAML file")
     add_scenario_options(parser)
     add_replace(parser)
-    option(parser, "--at-s S", "after S seconds of driving (default: where it starts)")
+    option(parser, "--at-s S", "after S seconds of driving (default: where it starts)", 0.0)
     option(parser, "--format LIST", "what to write, of png,csv,npz,ply,las,laz (default: the first four)")
     option(parser, "--camera", "what the camera sees too; a scenario without one gets the default camera")
     parser.set_defaults(run=run)
@@ -23,10 +23,11 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Make the scan, print where its files are."""
-    from swath.core.errors import InputError
+    from swath.core.errors import InputError, check_within
     from swath.runtime.folder import choose_scan_folder, scan_of
 
-    at = _seconds(args.at_s)
+    at = args.at_s
+    check_within("--at-s", at, 0.0, 1e5)
     scenario = _with_camera(args) if args.camera else load(args)
     out = choose_scan_folder(
         scenario.name, scenario.seed, args.out, of=scan_of(scenario, at), replace=args.replace
@@ -56,16 +57,3 @@ def _with_camera(args: argparse.Namespace) -> Any:
         args.sets = [*args.sets, f"{name}.camera=rays"]
         scenario = load(args)
     return scenario
-
-
-def _seconds(text: str | None) -> float:
-    """A time from the command line [s]."""
-    from swath.core.errors import InputError
-
-    try:
-        value = 0.0 if text is None else float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1e5:
-        raise InputError("--at-s", text, "expected seconds, 0 to 100000")
-    return value

@@ -83,10 +83,9 @@ def write_scan(
 def _picture(
     path: Path, scan: Scan, points: F64, kept: KeptScan, machine: RecordedMachine, drawn: Any
 ) -> Path:
-    import matplotlib
     from matplotlib.image import imread
 
-    with matplotlib.rc_context(plots.STYLE):
+    with plots.styled():
         fig = plots.figure(12.0, 11.0)
         profile, above, view = fig.subplots(3, 1, height_ratios=(1.0, 1.3, 2.4))
         plots.plot_scan(profile, kept, machine.geometry, machine.edge_side)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath import __version__
-from swath.core.errors import Extra, InputError
+from swath.core.errors import Extra, InputError, check_within
+from swath.core.files import whole_file
 from swath.core.files.output_folder import held
 from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import code_unread
@@ -26,6 +27,7 @@ from swath.machine.machine_sheet import load_machine
 from swath.record.tracks import read_tracks
 from swath.runtime.field_setup import stated_origin
 from swath.scenario.scenario import Scenario, load_scenario
+from swath.tools.height_map.command import numbers_of
 
 Array = NDArray[np.float64]
 NOWHERE = (52.0, 9.0)  # lat, lon [deg] of a field that lies nowhere on Earth
@@ -69,10 +71,7 @@ def place(text: str | None) -> tuple[float, float]:
     """Latitude and longitude [deg] of `52,9`. Raises InputError."""
     if text is None:
         return NOWHERE
-    try:
-        lat, lon = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError("--origin", text, "expected LAT,LON in degrees, like 52,9") from None
+    lat, lon = numbers_of("--origin", text, (2,), "LAT,LON in degrees, like 52,9")
     if not (abs(lat) <= 84.0 and abs(lon) <= 180.0):
         raise InputError("--origin", text, "expected a latitude of at most 84 and a longitude of at most 180")
     return lat, lon
@@ -88,10 +87,8 @@ def records_of(
     inlet of the tank [s]; at: lat, lon [deg] of the origin where the field has none
     Raises InputError for a folder that is no run, or holds no such machine.
     """
-    if not 0.05 <= interval <= 60.0:
-        raise InputError("--interval-s", interval, "expected 0.05 to 60")
-    if not 0.0 <= delay <= 60.0:
-        raise InputError("--sensor-delay-s", delay, "expected 0 to 60")
+    check_within("--interval-s", interval, 0.05, 60.0)
+    check_within("--sensor-delay-s", delay, 0.0, 60.0)
     if not (run / "tracks.parquet").is_file():
         raise InputError(
             "run", str(run), "expected a run folder with tracks.parquet (run.record other than none)"
@@ -195,7 +192,7 @@ TIME_LOG = """<?xml version="1.0" encoding="UTF-8"?>
 
 def write_csv(log: Records, path: Path) -> Path:
     """Write CSV; names with units, as `swath field import` and farm software read them."""
-    lines = [",".join(COLUMNS)]
+    rows = []
     for i, t in enumerate(log.time):
         cells = (
             (BEGUN + timedelta(seconds=float(t))).isoformat(timespec="milliseconds"), f"{log.lat[i]:.8f}",
@@ -203,10 +200,9 @@ def write_csv(log: Records, path: Path) -> Path:
             f"{log.distance[i]:.3f}", f"{log.width:.3f}", f"{log.flow[i]:.4f}", f"{100 * log.moisture:.2f}",
             "on" if log.working[i] else "off", log.machine, Path(log.crop).stem,
         )  # fmt: skip
-        lines.append(",".join(cells))
+        rows.append(dict(zip(COLUMNS, cells, strict=True)))
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, ("\n".join(lines) + "\n").encode())
-    return path
+    return whole_file.write_csv(path, rows, COLUMNS)
 
 
 def write_isoxml(log: Records, folder: Path) -> Path:
