@@ -321,7 +321,7 @@ def test_a_point_shapefile_reads_like_the_csv(tmp_path, small):
     log = read_log(tmp_path / "log.zip")
     np.testing.assert_allclose(log.east, plain.east, atol=1e-3)
     np.testing.assert_allclose(log.flow, plain.flow, atol=1e-3)
-    assert find_columns(["flow"], tmp_path, None, has_points=True).profile == "usual names"
+    assert find_columns(["flow"], tmp_path, None, has_points=True, needs={}).profile == "usual names"
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -392,3 +392,11 @@ def test_names_that_look_like_markup_are_only_names(tmp_path):
     console = rich.Console(width=120, file=io.StringIO())
     console.print(report)
     assert "[/red]" in console.file.getvalue()
+
+
+def test_limits_are_in_the_unit_of_the_column(tmp_path):
+    rows = "".join(f"{47 + 2e-5 * i:.7f},8.1,6,{70 + i % 9}\n" for i in range(100))
+    path = tmp_path / "log.csv"
+    path.write_text("lat,lon,width_m,yield_t_ha\n" + rows)
+    with pytest.raises(InputError, match=r"yield_t_ha: 74 t/ha at the middle, expected 0 to 50, --columns"):
+        import_log(path, tmp_path / "out", progress=False)

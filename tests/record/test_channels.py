@@ -292,3 +292,13 @@ def test_a_message_of_several_frames_is_put_together(tmp_path, size):
     assert found == {f"Last@{source:02X}": [0.5 * speeds[source]] for source in range(3)}
     assert log.units["Last@00"] == "km/h"
     assert log.notes["messages of several frames that lack one"] == 1
+
+
+def test_what_is_no_measurement_is_named_by_its_ending(tmp_path):
+    for ending in ("mf4", "blf"):
+        (tmp_path / f"junk.{ending}").write_text("junk")
+        with pytest.raises(InputError, match=f"expected {ending.upper()}, which its first bytes are not"):
+            open_log(tmp_path / f"junk.{ending}")
+    (tmp_path / "junk.npz").write_text("junk")
+    with pytest.raises(InputError, match="by its first bytes it is none"):
+        open_log(tmp_path / "junk.npz")

@@ -284,3 +284,32 @@ def test_load_and_fuel_of_the_forage_harvester_are_predicted(harvest):
     assert load.r2 > 0.89
     assert fuel.r2 > 0.89
     assert abs(load.lag_s) < 0.5
+
+
+def test_a_log_needs_no_positions_and_missing_columns_make_a_map_beside_the_folder(tmp_path, capsys):
+    path = write_log(tmp_path / "log.csv", machines=1, count=120)
+    header, *rows = path.read_text().splitlines()
+    odd = header.replace("grain_flow_kg_s", "a.flow [t/h]").replace("lat,lon", "a,b")
+    odd = odd.replace("speed_m_s", "v [m/s]").replace("engine_load_pct", "b.load").replace("fuel_l_h", "b.f")
+    path.write_text("\n".join([odd, *rows]) + "\n")
+    line = ["compare", "log", "lexion-700-class", str(path), "--out", str(tmp_path / "out")]
+    assert main(line) == 2
+    made = tmp_path / "log.columns.yaml"
+    assert str(made) in capsys.readouterr().err.replace("\n", "")
+    text = made.read_text()
+    for unit, column in (("m/s", "v"), ("kg/s", "a.flow"), ('"%"', "b.load")):
+        text = text.replace(f'{{column: "?", unit: {unit}}}', column)
+    made.write_text(text)
+    log = read_machine_log(path, made)
+    assert log.column_map.columns["grain_flow"].unit == "t/h"  # of the column's own name
+    assert 1.7 < log.speed.mean() < 2.3
+
+
+def test_a_whole_crop_is_grain_and_straw_where_the_straw_is_said(made):
+    log = made[0]
+    whole = replace(log, flow=1.5 * log.flow)
+    machine = load_machine("lexion-700-class")
+    apart = run_process(machine, log, Drive(straw=0.5))[-1]
+    together = run_process(machine, whole, Drive(straw=0.5, whole_crop=True))[-1]
+    assert together.grain_flow == pytest.approx(apart.grain_flow)
+    assert run_process(machine, whole, Drive(whole_crop=True))[-1].grain_flow == 0.0

@@ -211,7 +211,7 @@ def test_latitude_and_longitude_are_metres(tmp_path):
             ["t_s,speed_m_s,steer_deg,yaw_rate_deg_s", *(f"{k / 10},2,1,1" for k in range(400))],
             "at least 6 passes",
         ),
-        (["t_s,steer_deg,yaw_rate_deg_s", *(f"{k / 10},1,1" for k in range(40))], "a column for speed"),
+        (["t_s,steer_deg,yaw_rate_deg_s", *(f"{k / 10},1,1" for k in range(40))], "columns for speed"),
         (
             ["t_s,speed_m_s,steer_deg", *(f"{k / 10},2,1" for k in range(40))],
             "yaw_rate, positions or steer_command",

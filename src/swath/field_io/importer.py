@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, check_within
 from swath.core.files.read_file import open_to_read
-from swath.core.files.whole_file import write_whole
 from swath.documents.json_file import json_safe
 from swath.documents.witness import Pair, judge, outside, ratio
 from swath.field.crop import Crop
@@ -27,7 +26,7 @@ from swath.field_io.dem import against_log, read_dem
 from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
-from swath.field_io.logs.columns import FLOWS, ColumnsMissing
+from swath.field_io.logs.columns import CROP, FLOWS, ColumnsMissing, map_to_fill
 from swath.field_io.logs.coordinates import place
 from swath.field_io.logs.log import Log, read_log
 from swath.field_io.logs.parts import one_part
@@ -120,7 +119,7 @@ def import_log(
         try:
             records = _read(log, out, columns, settings)
         except InputError as error:
-            lacks_yield = isinstance(error, ColumnsMissing) and "grain_flow or yield" in error.expected
+            lacks_yield = isinstance(error, ColumnsMissing) and next(iter(CROP)) in error.expected
             is_plan = lacks_yield or error.key == "taskdata"
             if not is_plan or not is_taskdata(log) or not read_plan(log).parts:
                 raise
@@ -199,22 +198,10 @@ def find_log(log: Path) -> Path:
 
 
 def _read(log: Path, out: Path, columns: Path | None, settings: Settings) -> Log:
-    """The log; where columns are missing a map to fill in is written beside `out`, never beside raw data."""
-    try:
+    with map_to_fill(log, None if is_taskdata(log) else out, columns):
         return read_log(
             log, columns, header_width=settings.header_width_m, crop=settings.crop, as_map=settings.as_map
         )
-    except ColumnsMissing as error:
-        if is_taskdata(log):
-            raise
-        made = out.parent / f"{log.name.partition('.')[0]}.columns.yaml"
-        is_beside = made.parent.resolve() == (log if log.is_dir() else log.parent).resolve()
-        if is_beside or columns is not None or made.exists() or not os.access(out.parent, os.W_OK):
-            raise
-        write_whole(made, error.template + "\n")
-        needed = error.expected.rpartition("; ")[0]
-        expected = f"{needed}; fill in {made} and give it with --columns"
-        raise InputError(error.key, None, expected, file=log) from error
 
 
 def _import_plan(path: Path, out: Path, dem: Path | None, settings: Settings) -> ImportReport:

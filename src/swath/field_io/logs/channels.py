@@ -78,6 +78,9 @@ def open_channels(path: Path) -> Channels | None:
     """The reader of a measurement; None for a file of another kind. InputError where it cannot be read."""
     kind = kind_of(path)
     if not kind:
+        if (named := path.suffix[1:].upper()) in ("MF4", "BLF") and path.is_file():
+            expected = f"expected {named}, which its first bytes are not"
+            raise InputError("log", path.name, expected, file=path)
         return None
     try:
         if kind != "MF4":

@@ -14,15 +14,18 @@ A unit that nothing in the file says is assumed here; witnesses.py holds it agai
 """
 
 import difflib
+import os
 import re
 import unicodedata
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from swath.core import units
 from swath.core.errors import InputError, some_of
+from swath.core.files.whole_file import write_whole
 from swath.core.units import ACRE, DEG, POUND, SUFFIXES, factors, split_unit
 from swath.documents.yaml_document import Document, read_document
 
@@ -332,6 +335,13 @@ def column_rows(source: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     return [*plain, *((name, "not used", "", "") for name in unused[:MOST_TOLD]), *more]
 
 
+Needs = Mapping[str, tuple[tuple[str, ...], ...]]
+"""What a log has to hold, in words, and the columns that give it: one of these groups."""
+PLACE: Needs = {"lat and lon (or easting and northing)": (("lat", "lon"), ("easting", "northing"))}
+CROP: Needs = {"grain_flow or yield": (("yield",), ("grain_flow",), ("dry_yield",))}
+WIDTH: Needs = {"header_width (or --header-width-m)": (("header_width",),)}
+
+
 class ColumnsMissing(InputError):
     """The header lacks what an import needs. template: a map with a place for each, to be filled in."""
 
@@ -344,15 +354,14 @@ def find_columns(
     columns: Path | None,
     has_points: bool,
     *,
+    needs: Needs,
     units: Mapping[str, str] | None = None,
-    needs_width: bool = False,
 ) -> ColumnMap:
     """The column map for a header: a known log, else the usual names; the map file completes it.
 
     has_points: positions come from the geometry (shapefile), no column has to give them
-    units: column -> unit, where the log says so beside its table
-    Raises ColumnsMissing, which names everything that no column gives: positions, grain flow or yield and,
-    if needed, the width of the header.
+    needs: what has to be there; units: column -> unit, where the log says so beside its table
+    Raises ColumnsMissing, which names everything of `needs` that no column gives.
     """
     known = (p for p in PROFILES if all(c.column in header for c in p.columns.values()))
     base = next((p for p in known if has_points or "lat" in p.columns), None)
@@ -379,7 +388,7 @@ def find_columns(
         group |= {k: Column(group[k].column, u) for k, u in stated.items() if u in UNITS[QUANTITIES[k]]}
     found |= {k: _with_unit(k, c.unit, found, columns) for k, c in given.items() if not c.column}
     name = base.profile if base else "usual names"
-    _require(found, header, path, has_points, needs_width)
+    require(found, header, path, needs)
     profile = name if columns is None else f"map {columns.name}, {name}"
     return ColumnMap(found, profile, **system, beside=beside, header=tuple(header))
 
@@ -501,43 +510,58 @@ def _entry(key: str, value: object, header: Sequence[str], document: Document) -
         value = {"column": value}
     if not isinstance(value, dict) or not set(value) <= {"column", "unit"} or not value:
         raise document.error((key,), value, "expected {column: name, unit: unit}, or null")
-    column, unit = str(value.get("column", "")), str(value.get("unit", _USUAL[key][0]))
+    column = str(value.get("column", ""))
+    whole = [name for name in header if re.fullmatch(re.escape(column) + r" \[[^]]*\]", name)]
+    column = whole[0] if column not in header and len(whole) == 1 else column
     if column not in header and "column" in value:
         near = difflib.get_close_matches(column, header, 1)
         hint = f", nearest is {near[0]!r}" if near else ""
         raise document.error((key, "column"), column, f"expected a column of the log{hint}")
     known = UNITS[QUANTITIES[key]]
+    named = _column(key, column, *_split_unit(column))
+    unit = str(value.get("unit", named.unit))
     if unit not in known:
         raise document.error((key, "unit"), unit, f"expected one of {', '.join(known)}")
     is_stated = "unit" in value or len(known) == 1
-    return Column(column, unit, is_assumed=not is_stated, is_given=is_stated)
+    return replace(named, unit=unit, is_assumed=not is_stated and named.is_assumed, is_given=is_stated)
 
 
-def _require(
-    found: Collection[str], header: Sequence[str], path: Path, has_points: bool, needs_width: bool
-) -> None:
-    shown = some_of((h[:24] for h in header), 12)
-    missing: dict[str, tuple[str, ...]] = {}
-    if not has_points and not ({"lat", "lon"} <= set(found) or {"easting", "northing"} <= set(found)):
-        missing["lat and lon (or easting and northing)"] = ("lat", "lon")
-    if not set(FLOWS) & set(found):
-        missing["grain_flow or yield"] = ("yield",)
-    if needs_width and "header_width" not in found:
-        missing["header_width (or --header-width-m)"] = ("header_width",)
+def require(found: Collection[str], header: Sequence[str], path: Path, needs: Needs) -> None:
+    """Raises ColumnsMissing where no column gives what is needed."""
+    missing = {n: ways[0] for n, ways in needs.items() if not any(set(way) <= {*found} for way in ways)}
     if missing:
-        units = {"yield": "t/ha"}
         keys = [key for group in missing.values() for key in group]
-        lines = [f'{key}: {{column: "?", unit: {units.get(key, _USUAL[key][0])}}}' for key in keys]
-        is_map = list(missing.values()) == [("header_width",)] and "yield" in found
+        units = ("t/ha" if key == "yield" else _USUAL[key][0].replace("%", '"%"') for key in keys)
+        lines = [f'{key}: {{column: "?", unit: {unit}}}' for key, unit in zip(keys, units, strict=True)]
+        is_map = missing.keys() == WIDTH.keys() and "yield" in found
         hint = "--as map takes yields in any order; " if is_map else ""
         error = ColumnsMissing(
-            "log.header", shown,
+            "log.header", some_of(header, 12),
             f"expected columns for {', '.join(missing)}; {hint}say which with --columns MAP.yaml, in it "
             f"lines like {lines[-1].replace(chr(34) + '?' + chr(34), 'Name')}", file=path,
         )  # fmt: skip
         names = "\n".join(f"#   {name}" for name in header[:100])
         error.template = f"# which column of {path.name} is what; its columns:\n{names}\n" + "\n".join(lines)
         raise error
+
+
+@contextmanager
+def map_to_fill(log: Path, out: Path | None, columns: Path | None) -> Iterator[None]:
+    """Where columns are missing, a map to fill in is written beside `out`, and the error names it.
+
+    columns: a map that is given already: then, and without `out`, nothing is written.
+    """
+    try:
+        yield
+    except ColumnsMissing as error:
+        if out is None or columns is not None or not os.access(out.parent, os.W_OK):
+            raise
+        made = out.parent / f"{log.name.partition('.')[0]}.columns.yaml"
+        if not made.exists():
+            write_whole(made, error.template + "\n")
+        needed = error.expected.rpartition("; ")[0]
+        expected = f"{needed}; fill in {made} and give it with --columns"
+        raise InputError(error.key, None, expected, file=log) from error
 
 
 def unit_symbol(text: str) -> str:

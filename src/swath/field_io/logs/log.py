@@ -24,7 +24,17 @@ from swath.field_io.logs.clock import (
     spread,
     usable,
 )
-from swath.field_io.logs.columns import FLOWS, QUANTITIES, UNITS, Column, ColumnMap, find_columns
+from swath.field_io.logs.columns import (
+    CROP,
+    FLOWS,
+    PLACE,
+    QUANTITIES,
+    UNITS,
+    WIDTH,
+    Column,
+    ColumnMap,
+    find_columns,
+)
 from swath.field_io.logs.coordinates import Others, Reading, check_places, numbers, reading_of
 from swath.field_io.logs.machines import separate_machines
 from swath.field_io.logs.records import (
@@ -147,7 +157,8 @@ def read_log(
         table.columns["header_width_m"] = table.stated_width
     found = find_columns(
         list(table.columns), path, columns, table.points is not None, units=table.units,
-        needs_width=header_width is None and not as_map,
+        needs={**({} if table.points is not None else PLACE), **CROP,
+               **(WIDTH if header_width is None and not as_map else {})},
     )  # fmt: skip
     notes = capped(table.notes, MOST_NOTES)
     row_count = len(table.row_number) + sum(table.broken.values())
@@ -175,9 +186,9 @@ def read_log(
     if good.sum() < FEWEST_RECORDS:
         counts = ", ".join(f"{v} {k}" for k, v in broken.items() if v)
         expected = f"expected at least {FEWEST_RECORDS} usable rows of {row_count} ({counts})"
-        raise InputError("log", int(good.sum()), expected + _why(broken, found), file=path)
+        raise InputError("log", int(good.sum()), expected + _why(broken, values, found), file=path)
     notes += [
-        f"{n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why({reason: n}, found)}"
+        f"{n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why({reason: n}, values, found)}"
         for reason, n in broken.items()
         if n > MANY * row_count and reason not in ("copied", "other_section", "other_crop")
     ]
@@ -196,15 +207,19 @@ def read_log(
     return replace(log.keep(~again), row_count=row_count, broken=broken, notes=tuple(notes), crop=sheet)
 
 
-def _why(broken: dict[str, int], found: ColumnMap) -> str:
-    """The column of what most rows were left out for, and how its unit is said."""
+def _why(broken: dict[str, int], values: dict[str, Array], found: ColumnMap) -> str:
+    """The column of what most rows were left out for, its middle and limits, and how its unit is said.
+
+    values: in SI units
+    """
     reason = max(broken, key=lambda k: broken[k])
     key = next((k for k in _NEEDED if reason.startswith(k)), "")
     if key not in found.columns or not reason.endswith("out_of_range"):
         return ""
-    column, (low, high) = found.columns[key], PLAUSIBLE[key]
-    limits = f"expected {low:g} to {high:g} {_NEEDED[key]}"
-    return f"; {column.column} in {column.unit}: {limits}, --columns takes its unit"
+    column, size = found.columns[key], UNITS[QUANTITIES[key]][found.columns[key].unit]
+    low, high, middle = (v / size for v in (*PLAUSIBLE[key], float(np.nanmedian(values[key]))))
+    limits = f"{middle:.4g} {column.unit} at the middle, expected {low:.4g} to {high:.4g}"
+    return f"; {column.column}: {limits}, --columns takes its unit"
 
 
 def _settled(

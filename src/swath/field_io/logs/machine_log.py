@@ -20,6 +20,11 @@ from swath.field_io.logs.table import Table, read_table
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 MEASURED = ("engine_load", "engine_speed", "fuel")
+NEEDED = {
+    "speed": (("speed",),),
+    "grain_flow": (("grain_flow",),),
+    " or ".join(MEASURED): tuple((key,) for key in MEASURED),
+}
 LIMITS = {"engine_load": (0.0, 2.0), "engine_speed": (0.0, 700.0), "fuel": (0.0, 5e-4), "speed": (0.0, 20.0),
           "grain_flow": (0.0, 300.0), "header_width": (0.5, 30.0), "elevation": PLAUSIBLE["elevation"],
           "time": (-1e11, 1e11)}  # fmt: skip
@@ -74,11 +79,8 @@ def read_machine_log(path: Path, columns: Path | None = None) -> MachineLog:
     """
     path = Path(path)
     table = read_table(path)
-    found = find_columns(list(table.columns), path, columns, table.points is not None)
+    found = find_columns(list(table.columns), path, columns, table.points is not None, needs=NEEDED)
     there = [key for key in MEASURED if key in found.columns]
-    if "speed" not in found.columns or "grain_flow" not in found.columns or not there:
-        missing = [k for k in ("speed", "grain_flow") if k not in found.columns] or [" or ".join(MEASURED)]
-        raise InputError("log.header", None, f"expected a column for {', '.join(missing)}", file=path)
     if len(table.row_number) < 2:
         raise InputError("log", len(table.row_number), "expected at least two whole rows", file=path)
     names, machine, notes = declared_machines(table, found)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, some_of
+from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.field_io.logs.clock import usable
-from swath.field_io.logs.columns import Column, ColumnMap, guess, read_map
+from swath.field_io.logs.columns import Column, ColumnMap, guess, read_map, require
 from swath.field_io.logs.log import si_values, si_values_within
 from swath.field_io.logs.table import Table, read_table
 
@@ -22,6 +22,12 @@ Mask = NDArray[np.bool_]
 LIMITS = {"speed": (-3.0, 20.0), "steer_angle": (-80.0, 80.0), "steer_command": (-80.0, 80.0),
           "command_curvature": (-1.0, 1.0), "yaw_rate": (-2.0, 2.0)}  # fmt: skip
 """m/s, deg, deg, 1/m, rad/s. A value outside is missing."""
+NEEDED = {
+    **{key: ((key,),) for key in ("time", "speed", "steer_angle")},
+    "yaw_rate, positions or steer_command": (
+        ("yaw_rate",), ("lat", "lon"), ("easting", "northing"), ("steer_command",), ("command_curvature",),
+    ),
+}  # fmt: skip
 SLOWEST_LOG = 0.25  # s between records: dead times and lags are tenths of a second
 LEAST_SPEED = 0.3  # m/s: a machine at rest ends a stretch
 LONGEST_STEP = 3.5  # usual steps of the log, at least half a second; a longer pause ends a stretch
@@ -79,7 +85,7 @@ def read_steer_log(
     path = Path(path)
     table = read_table(path)
     found = _find(table, path, columns)
-    _require(found, table, path)
+    require(found.columns, list(table.columns), path, NEEDED)
     values = {key: si_values_within(table, found, key, LIMITS) for key in LIMITS}
     place = _place(table, found)
     time, note = usable(si_values(table, found, "time"))
@@ -142,18 +148,6 @@ def _find(table: Table, path: Path, columns: Path | None) -> ColumnMap:
         found |= {"easting": Column(bare["x"], "m"), "northing": Column(bare["y"], "m")}
     kept = {k: c for k, c in {**found, **given}.items() if k not in dropped}
     return ColumnMap(kept, "usual names", said.get("crs", ""), said.get("axes", ""), header=tuple(header))
-
-
-def _require(found: ColumnMap, table: Table, path: Path) -> None:
-    there = found.columns
-    missing = [key for key in ("time", "speed", "steer_angle") if key not in there]
-    has_place = {"lat", "lon"} <= there.keys() or {"easting", "northing"} <= there.keys()
-    if not (has_place or {"yaw_rate", "steer_command", "command_curvature"} & there.keys()):
-        missing.append("yaw_rate, positions or steer_command")
-    if missing:
-        shown = some_of((name[:24] for name in table.columns), 12)
-        expected = f"expected a column for {', '.join(missing)}; say which with --columns MAP.yaml"
-        raise InputError("log.header", shown, expected, file=path)
 
 
 def _place(table: Table, found: ColumnMap) -> Array:

@@ -40,7 +40,7 @@ LEAST_HEIGHT, FEWEST_HEIGHTS = (
 )  # of a last column: a dilution of precision is below, a code one number
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 OR_CP1252 = "swath.or_cp1252"
-_EXPECTED = "expected a yield log (CSV, shapefile or ISOXML)"
+_EXPECTED = "expected a log (CSV, shapefile, ISOXML, MF4, BLF or ASC)"
 _MAGIC = {
     b"\x89PNG": "a PNG image", b"\xff\xd8\xff": "a JPEG image", b"GIF8": "a GIF image", b"%PDF": "a PDF",
     b"II*\x00": "a TIFF image", b"MM\x00*": "a TIFF image", b"\x7fELF": "a program", b"SQLite": "a database",

@@ -21,6 +21,7 @@ from swath.record.read.mcap_log import BROKEN, CUT_OFF, MAGIC, McapLog, unpacked
 from swath.record.read.rosbag1 import MAGIC as MAGIC_1
 from swath.record.read.rosbag1 import open_rosbag1
 
+MAGIC_2, DATABASES = b"SQLite format 3", (".db3", ".zstd")  # of a rosbag 2
 RUN = "run.mcap"  # of swath, in the order in which it was published
 KINDS = "expected a run folder, an .mcap, .bag, .db3, .mf4, .blf, .asc or the folder of a rosbag 2"
 
@@ -218,7 +219,11 @@ def _open(path: Path) -> Log:
         return McapLog(path, by_time=path.name != RUN)
     if (channels := open_channels(path)) is not None:
         return ChannelLog(channels)
-    return open_rosbag1(path) if path.suffix == ".bag" or _begins(path, MAGIC_1) else BagLog(path)
+    if path.suffix == ".bag" or _begins(path, MAGIC_1):
+        return open_rosbag1(path)
+    if path.suffix not in DATABASES and not _begins(path, MAGIC_2):
+        raise InputError("recording", path.name, f"{KINDS}; by its first bytes it is none", file=path)
+    return BagLog(path)
 
 
 def _open_folder(path: Path) -> Log:

@@ -26,7 +26,7 @@ def add(parsers: Any) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True)
     log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
     option(log, "model MODEL", "machine: bundled name or data sheet")
-    option(log, "log LOG", "CSV, zipped point shapefile, or ISOXML", type=Path)
+    option(log, "log LOG", "CSV, zipped point shapefile, ISOXML, MF4, BLF or ASC", type=Path)
     help_ = "write picture, report, JSON, sheet and series"
     add_folder(log, "comparison", *FILES, text=help_, required=False)
     option(log, "--fit KEY", "key of the data sheet to fit", [])
@@ -41,8 +41,8 @@ def add(parsers: Any) -> None:
     option(log, "--alternate", "fit on every other stretch between pauses, test on the others")
     option(log, "--process LEVEL", "level of the process", "threshing")
     option(log, "--engine LEVEL", "level of the powertrain", "ideal")
-    option(log, "--straw R", "straw per grain", 0.65)
-    option(log, "--whole-crop", "the logged flow is grain and straw together")
+    option(log, "--straw R", "straw per grain (default 0.65; of a whole crop: no grain)", type=float)
+    option(log, "--whole-crop", "the logged flow is all of the crop")
     option(log, "--flow-floor F", "flow that is logged without crop [kg/s]", 0.0)
     option(
         log,
@@ -65,19 +65,27 @@ def add(parsers: Any) -> None:
 
 
 def run_log(args: argparse.Namespace) -> int:
-    """Compare, print, write."""
+    """Compare what the log holds: process and engine, or the steering."""
+    from swath.core.errors import check_within
+    from swath.field_io.logs.columns import map_to_fill
+    from swath.field_io.logs.steer_log import is_steer_log
+
+    for key, low, high in (("straw", 0.0, 10.0), ("friction", 0.0, 50.0), ("flow_floor", 0.0, 200.0)):
+        if getattr(args, key) is not None:
+            check_within(f"--{key.replace('_', '-')}", getattr(args, key), low, high)
+    with map_to_fill(args.log, args.out, args.columns):
+        return (_run_steering if is_steer_log(args.log, args.columns) else _run_process)(args)
+
+
+def _run_process(args: argparse.Namespace) -> int:
+    """Compare process and engine, print, write."""
     from rich.console import Console
 
-    from swath.core.errors import InputError, check_within
-    from swath.field_io.logs.steer_log import is_steer_log
+    from swath.core.errors import InputError
     from swath.terminal.tables import number, table
     from swath.tools.compare_log.compare import Drive, compare_log
     from swath.tools.compare_log.page import statistic_rows, write_comparison
 
-    for key, low, high in (("straw", 0.0, 10.0), ("friction", 0.0, 50.0), ("flow_floor", 0.0, 200.0)):
-        check_within(f"--{key.replace('_', '-')}", getattr(args, key), low, high)
-    if is_steer_log(args.log, args.columns):
-        return _run_steering(args)
     if args.antenna is not None:
         raise InputError("--antenna", args.antenna, "expected a log with a steering angle")
     drive = Drive(

@@ -35,6 +35,7 @@ Mask = NDArray[np.bool_]
 LEAST_SPEED = 0.5  # m/s
 SETTLE = 15.0  # s behind a gap, before the crop has come through
 LAGS = 15  # records to either side in which a lag is searched
+STRAW = 0.65  # per grain, by mass, of a log that does not say
 FEWEST = 20  # records to compare at all
 
 
@@ -165,8 +166,8 @@ class Drive:
     """How a log is driven along.
 
     process, engine: levels
-    straw: per grain, by mass
-    whole_crop: the logged flow is all of the crop, as in a forage harvester, none of it grain
+    straw: per grain, by mass; None = STRAW, of a whole crop: none of it is grain, as in a forage harvester
+    whole_crop: the logged flow is all of the crop
     load_over: what the measured load is a share of: the torque that the engine could give at its present
         speed (`present`), or the largest that it can give at any (`largest`)
     friction: measured load of an engine that gives no torque
@@ -175,7 +176,7 @@ class Drive:
 
     process: str = "threshing"
     engine: str = "ideal"
-    straw: float = 0.65
+    straw: float | None = None
     whole_crop: bool = False
     load_over: Literal["present", "largest"] = "present"
     friction: float = 0.0
@@ -188,8 +189,9 @@ def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[Ma
     has_outlet = "straw" in level.params.__dataclass_fields__
     params = level.params(straw="chop") if has_outlet else level.params()
     loads: list[MachineLoad] = []
-    grain = 0.0 if drive.whole_crop else 1.0
-    straw = 1.0 if drive.whole_crop else drive.straw
+    ratio = (np.inf if drive.whole_crop else STRAW) if drive.straw is None else drive.straw
+    grain = 1.0 / (1.0 + ratio) if drive.whole_crop else 1.0
+    straw = 1.0 - grain if drive.whole_crop else ratio
     process = level.component(params, site_of(machine, 1.0))
     for t, dt, flow, speed, grade, is_first in _records(log):
         if is_first:
