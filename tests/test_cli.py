@@ -223,18 +223,18 @@ def test_a_mistake_in_the_users_own_level_is_the_users(job, capsys, tmp_path):
     assert len(said.splitlines()) == 1
 
 
-def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path):
+@pytest.mark.parametrize("simulated_s", [0.0, 0.5])
+def test_interrupt_says_what_is_left(job, capsys, monkeypatch, tmp_path, simulated_s):
     def stopped(scenario, out, progress, events=(), hooks=(), begun=None, allow=()):
         out.mkdir(parents=True, exist_ok=True)
         (out / "report.html").touch()
-        (out / "summary.json").write_text("{}")
+        (out / "summary.json").write_text(f'{{"simulated_s": {simulated_s}}}')
         raise KeyboardInterrupt
 
     monkeypatch.setattr(job, "run_job", stopped)
     assert main(["run", "small.yaml"]) == 130
-    assert capsys.readouterr().err == (
-        "swath: stopped; what was recorded is in runs/small-3, to look at: swath report runs/small-3\n"
-    )
+    kept = "; what was recorded is in runs/small-3, to look at: swath report runs/small-3"
+    assert capsys.readouterr().err == f"swath: stopped{kept if simulated_s else ' before its first step'}\n"
 
 
 def test_scan(job, capsys):

@@ -80,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
     """Exit code: 0 all limits pass, 1 a limit fails, 3 none fails but one was not measured or judged."""
     from swath.core.errors import InputError, SwathError
     from swath.core.process.shell import command
+    from swath.judge.summary import read_summary
     from swath.runtime.folder import choose_run_folder, remove_empty
 
     if args.paused and not (args.ros2 or args.view):
@@ -125,9 +126,10 @@ def run(args: argparse.Namespace) -> int:
         remove_empty(out)
         raise (scenario.locate(error) if isinstance(error, InputError) else error) from error
     except KeyboardInterrupt as error:
-        is_kept = (out / "summary.json").is_file()
-        kept = f"; what was recorded is in {out}, to look at: {command('report', out)}" if is_kept else ""
-        raise type(error)(f"stopped{kept}") from None
+        file = out / "summary.json"
+        has_samples = file.is_file() and read_summary(file).get("simulated_s", 0.0) > 0.0
+        kept = f"; what was recorded is in {out}, to look at: {command('report', out)}" if has_samples else ""
+        raise type(error)(f"stopped{kept or ' before its first step' * file.is_file()}") from None
     if args.quiet:
         print(out)
     else:

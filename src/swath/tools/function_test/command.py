@@ -34,7 +34,7 @@ def add(parsers: Any) -> None:
     option(run, "cases", _CASES, nargs="?")
     add_folder(run, "function test", text="folder of the results", alone=False)
     option(run, "--odd ODD", "instead of cases: a bound ODD, a file or wheat-harvest")
-    option(run, "--runs N", "runs of --odd (default 400)", 0)
+    option(run, "--runs N", "runs of --odd (default 400)", type=int)
     option(
         run,
         "--with FILE",
@@ -128,8 +128,10 @@ def _run(args: argparse.Namespace) -> int:
 
     if args.odd is not None:
         return _run_odd(args)
-    if args.cases is None or args.runs:
-        raise InputError("cases", args.cases, "expected cases, or --odd with --runs")
+    if args.runs is not None:
+        raise InputError("--runs", args.runs, "expected --odd beside it: of cases, --seeds and --draw say it")
+    if args.cases is None:
+        raise InputError("cases", None, "expected `catalogue`, a case, or --odd with a domain")
     plan = Plan(
         args.cases if not Path(args.cases).exists() else str(Path(args.cases).resolve()),
         tags=tuple(args.only),
@@ -145,7 +147,8 @@ def _run(args: argparse.Namespace) -> int:
         session = begin(args.out, plan, args.candidates)
     left = sum(1 for _ in session.left())
     if args.plan_only:
-        print(f"{left} runs to do: {command('test', 'work', args.out)} --shard 1/N ... N/N")
+        then = command("test", "report", args.out)
+        print(f"{left} runs to do: {command('test', 'work', args.out)} --shard 1/N ... N/N, then {then}")
         return 0
     with progress(left) as done, engine(args.cluster, args.workers) as client:
         session.do(max(1, args.workers), done, client)
@@ -159,9 +162,10 @@ def _run_odd(args: argparse.Namespace) -> int:
     others = {"cases": args.cases, "--with": args.candidates, "--seeds": args.seeds, "--draw": args.draw,
               "--only": args.only, "--shadow": args.shadow, "--plan-only": args.plan_only}  # fmt: skip
     if used := [name for name, value in others.items() if value]:
-        raise InputError("--odd", args.odd, f"expected without {', '.join(used)}: the ODD says what is run")
+        why = "the ODD says what is run, and each 50 runs what was driven before; --cluster spreads them"
+        raise InputError("--odd", args.odd, f"expected without {', '.join(used)}: {why}")
     odd = read_odd(find_odd(args.odd))
-    runs = args.runs or RUNS
+    runs = RUNS if args.runs is None else args.runs
     campaign = Campaign(odd.name, revision_of(odd), (runs,), args.draw_seed, tuple(args.sets), args.level)
     with progress(runs) as done, engine(args.cluster, args.workers) as client:
         found = conduct(args.out, campaign, odd, max(1, args.workers), done, client)

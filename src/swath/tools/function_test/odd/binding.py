@@ -279,13 +279,13 @@ def _varied(axis: Axis) -> dict[str, Any]:
     }
 
 
-def find_odd(source: str) -> Path:
+def find_odd(source: str, key: str = "--odd") -> Path:
     """The file of a bound ODD: bundled by name, or a path. InputError where there is none."""
     bundled = {path.name.removesuffix(".odd.yaml"): path for path in sorted(BUNDLED.glob("*.odd.yaml"))}
     path = bundled.get(source, Path(source))
     if not path.exists():
         expected = f"expected a file or one of {', '.join(bundled)}{near_miss(source, list(bundled))}"
-        raise InputError("--odd", source, expected)
+        raise InputError(key, source, expected)
     return path
 
 

@@ -24,7 +24,7 @@ def _check(args: argparse.Namespace) -> int:
     from swath.tools.function_test.odd.binding import find_odd
     from swath.tools.function_test.odd.check import NOT_SIMULATED, UNBOUND, WRONG, check_file, table_of
 
-    domain, findings = check_file(find_odd(args.odd))
+    domain, findings = check_file(find_odd(args.odd, "ODD"))
     rows = table_of(findings)
     wrong = sum(finding.kind in WRONG for finding in findings)
     if args.json:
