@@ -14,13 +14,14 @@ from swath.field.edges.edge import StraightEdge, make_edge
 from swath.field.field import make_field
 from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ
-from swath.field.plants import Drawing, make_plants, silhouette_area
+from swath.field.plants import Drawing, make_plants
 from swath.field.plants.cereal import AwnFacts, EarFacts
 from swath.field.prototypes import _ear_heights, make_library
 from swath.field.stand import maps, uniform
 from swath.field.terrain import plane
 from tests.changed_sheets import changed_sheet
 from tests.field.made_field import STREAM, rectangle
+from tests.field.silhouettes import silhouette_area
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
 

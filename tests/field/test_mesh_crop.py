@@ -16,11 +16,12 @@ from swath.field.field_setup import FieldSetup
 from swath.field.memory_layout import Organ, Shape
 from swath.field.mesh_crop import MeshFacts
 from swath.field.mesh_file import read_mesh
-from swath.field.plants import make_plants, silhouette_area
+from swath.field.plants import make_plants
 from swath.field.prototypes import make_library, resolution
 from swath.field.stand import uniform
 from swath.field.terrain import plane
 from tests.field.made_field import STREAM, rectangle
+from tests.field.silhouettes import silhouette_area
 
 trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed")
 

@@ -7,8 +7,9 @@ from swath.core.errors import InputError
 from swath.core.units import DEG
 from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import Organ, Shape
-from swath.field.plants import Drawing, make_plants, silhouette_area
+from swath.field.plants import Drawing, make_plants
 from tests.changed_sheets import changed_sheet
+from tests.field.silhouettes import silhouette_area
 
 WHEAT = load_crop("wheat")
 COUNT = 4000

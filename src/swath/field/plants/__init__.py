@@ -8,9 +8,9 @@ import numpy as np
 
 from swath.field.crop import Crop
 from swath.field.plants.drawing import Detail, Drawing
-from swath.field.plants.parts import CUTOFF, Plants, silhouette_area
+from swath.field.plants.parts import CUTOFF, Plants
 
-__all__ = ["CUTOFF", "Drawing", "Plants", "leaf_parts_of", "make_plants", "silhouette_area"]
+__all__ = ["CUTOFF", "Drawing", "Plants", "leaf_parts_of", "make_plants"]
 
 
 def leaf_parts_of(crop: Crop, detail: Detail) -> int:
