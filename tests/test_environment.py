@@ -342,12 +342,14 @@ def test_the_return_is_the_share_driven_less_what_is_broken():
 
 
 @pytest.mark.parametrize("speed", [False, True])
-@pytest.mark.parametrize("action", [[np.nan], [np.inf], [0.1, np.nan], [0.1, -np.inf], [], [0.1, 0.2, 0.3]])
+@pytest.mark.parametrize(
+    "action", ["left", {"a": 1}, [np.nan], [np.inf], [0.1, np.nan], [0.1, -np.inf], [], [0.1, 0.2, 0.3]]
+)
 def test_an_action_that_is_none_is_refused_and_drives_nothing(action, speed):
     env = swath.Env("straight", sets=SETS, speed=speed)
     env.reset(seed=1)
     with pytest.raises(InputError, match=f"action = .*: expected {1 + speed} finite number"):
-        env.step(np.array(action, dtype=np.float32))
+        env.step(action)
     assert env.world.graph.t == 0
     assert env.step(env.action_space.sample() * 0)[4]["t_s"] == 0.1
     env.close()

@@ -107,6 +107,21 @@ def test_run(tmp_path, capsys, sets, code, said):
 
 
 @pytest.mark.parametrize(
+    "line", ['scan = inputs["scan"]', "class MyEdgeDetector:", "self.offset = np.nan\n        return"]
+)
+def test_a_part_that_calls_exit_ends_no_run_as_done(tmp_path, capsys, line):
+    """In its step, where it is loaded, and in its reset."""
+    before, _, after = Path("examples/my_edge_detector.py").read_text(encoding="utf-8").partition(line)
+    own, indent = tmp_path / "own.py", before[len(before.rstrip(" ")) :]
+    own.write_text(f"{before}raise SystemExit(0)\n{indent}{line}{after}", encoding="utf-8")
+    level = f"combine.edge.level={own}:MyEdgeDetector"
+    assert main([*SHORT, "--set", level, "--set", "run.distance_m=3", "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert "own.py:" in said
+    assert "SystemExit" in said or "called sys.exit(0)" in said
+
+
+@pytest.mark.parametrize(
     ("verdicts", "code", "said"),
     [
         ([PASS] * 8, 0, "1 shown"),

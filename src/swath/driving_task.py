@@ -253,7 +253,11 @@ class Task:
 
         InputError for what is no finite number, or of another shape.
         """
-        values, count = np.asarray(actions, dtype=float), shape[-1]
+        count = shape[-1]
+        try:
+            values = np.asarray(actions, dtype=float)
+        except (TypeError, ValueError):
+            values = np.full(shape, np.nan)
         if len(shape) == 1:
             values = values.reshape(-1)
         if values.shape != shape or not np.isfinite(values).all():

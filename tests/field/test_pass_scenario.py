@@ -1,6 +1,7 @@
 """The scenario that an import writes runs as it is."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -36,6 +37,12 @@ def test_machine_and_run_keep_inside_the_field(field):
     scenario = load_scenario(write_pass_scenario(field))
     assert scenario.run.distance_m == 150.0
     assemble(scenario).close()
+
+
+@pytest.mark.parametrize("name", ["Schläge Süd 1", "-ост-", "f" * 90, "Feld.1"])
+def test_any_folder_gives_its_scenario_a_name(field, tmp_path, name):
+    found = load_scenario(write_pass_scenario(shutil.copytree(field, tmp_path / name))).name
+    assert re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}", found)
 
 
 @pytest.mark.parametrize(("records", "width"), [(125, 9.0), (60, 9.0), (125, 2.0)])

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.sub_rays import study
 
 from swath.commands.main import main
+from swath.core.errors import InputError
 from swath.report.report import ReportWriter
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
@@ -140,6 +141,11 @@ def test_heights_converge_with_the_number_of_sub_rays():
     at_most = {(r["seed"], r["detail"]): r["w1_mm"] for r in rows if r["sub_rays"] == 61}
     assert at_most[3, "full"] == 0.0
     assert 0.0 < at_most[3, "reduced"] < 0.5 * at_most[4, "full"]
+
+
+def test_a_scan_is_not_taken_after_the_end_of_the_run(tmp_path):
+    with pytest.raises(InputError, match="expected a time of the run, which ends at"):
+        scan_job(small("run.max_duration_s=0.5"), tmp_path / "scan", at_s=90.0, formats=["csv"])
 
 
 @pytest.mark.drawn

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 from swath import __version__
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
 from swath.core.files.temporary import sweep
-from swath.core.foreign_code import allow_code, code_in, texts_in
+from swath.core.foreign_code import allow_code, code_in, of_exit, texts_in
 from swath.core.process.collector import collect_rarely
 from swath.core.process.processes import skip_folder_settings
 from swath.core.process.stopping import Terminated, raise_if_lost, stoppable
@@ -105,6 +105,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         with stoppable():
             try:
                 code = _dispatch(list(sys.argv[1:] if argv is None else argv))
+            except SystemExit as error:
+                if user_line(error) is None:
+                    raise
+                raise of_exit(error) from error
             except Exception:
                 raise_if_lost()  # a library that is being imported makes its own error of Ctrl-C
                 raise

@@ -154,6 +154,11 @@ def file_of(reference: str | Path, base: Path | None = None) -> Path:
         raise InputError("code", text, f"expected a file or file.py:Class ({error})") from error
 
 
+def of_exit(error: SystemExit) -> RuntimeError:
+    """What is raised where code of others calls `sys.exit`: the end of a run is not its own to decide."""
+    return RuntimeError(f"called sys.exit({error})").with_traceback(error.__traceback__)
+
+
 class _Source(SourceFileLoader):
     """Runs what stands in the file, not compiled code that lies beside it."""
 
@@ -176,7 +181,7 @@ def load_python(key: str, reference: str | Path, base: Path | None = None) -> Mo
         sys.path.append(str(file.parent))  # it may import what lies beside it
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         text = f"{file}: could not be loaded: {type(error).__name__}: {error}"
         if isinstance(error, ImportError) and str(error.name).startswith("swath."):
             text += f"; if the file is older: {MIGRATED_BY}"

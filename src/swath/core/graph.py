@@ -14,6 +14,7 @@ from swath.core.blocks import Block, Blocks, Seen, Shown
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import SwathError, WiringError
 from swath.core.fault import FaultyOutput
+from swath.core.foreign_code import of_exit
 from swath.core.onlookers import Audience, Onlookers, audiences
 from swath.core.ops import Goal, Member, Op, Program, Queue, Source
 from swath.core.random import Stream
@@ -894,8 +895,8 @@ class Lockstep:
                 if node.fault is not None:
                     own = node.fault.pass_on(t, own)
                 rank.check(own)
-            except Exception as error:  # a user's own part may raise anything
-                self.errors[world] = error
+            except (Exception, SystemExit) as error:  # a user's own part may raise anything
+                self.errors[world] = of_exit(error) if isinstance(error, SystemExit) else error
                 continue
             made[world] = own
         for queue in rank.queues.values():

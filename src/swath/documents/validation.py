@@ -10,6 +10,7 @@ import dataclasses
 import difflib
 import json
 import re
+import unicodedata
 from collections.abc import Iterable
 from functools import cache
 from typing import Any
@@ -27,6 +28,12 @@ PATTERNS = {
     WIRE_PATTERN: "slot.output or machine.slot.output",
 }
 _NUMBER_AND_UNIT = re.compile(r"^\s*[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?\s*([A-Za-z°%µ].*)?$")
+
+
+def as_name(text: str, otherwise: str, most: int = 64) -> str:
+    """A text as a name may be (NAME_PATTERN), at most so long; one that is a name already stays."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9_.-]+", "-", plain).lstrip("-_.")[:most] or otherwise
 
 
 def unknown_key(key: str, known: Iterable[str], what: str = "unknown key", command: str = "") -> str:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
+from swath.documents.validation import as_name
 from swath.field.edges.boundary import Array, Region
 from swath.field_io.folder import FieldFolder, read
 from swath.field_io.passes import Track
@@ -14,6 +15,7 @@ from swath.field_io.passes import Track
 OVERLAP_M = 0.10  # of the header end over the cut ground: what the steering aims at by default
 LENGTH_M = 150.0
 SHORTEST_M = 60.0
+LONGEST = 50  # name of a field in that of its scenario
 INSET_M = 2.0  # kept off the ends of a stretch: an outline made from the passes ends where they do
 TEMPLATE = """\
 # yaml-language-server: $schema=scenario.schema.json
@@ -58,7 +60,7 @@ def write_pass_scenario(folder: Path) -> Path:
     where there is no stretch of SHORTEST_M.
     """
     field = read(folder)
-    name = folder.resolve().name
+    name = as_name(folder.resolve().name, "field", LONGEST)
     found = _longest_straight(field)
     if found is None:
         start, width, speed = INSET_M, _header_width(field), USUAL_SPEED_KMH

@@ -10,7 +10,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet
-from swath.documents.validation import known_keys, near_miss, unknown_key
+from swath.documents.validation import as_name, known_keys, near_miss, unknown_key
 from swath.documents.yaml_document import Document, KeyPath, read_document
 from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.machine_types import BY_LEVEL, BY_SECTION, slots_of
@@ -330,7 +330,9 @@ def read_sections(document: Document, catalogue: Catalogue) -> dict[str, Any]:
         text = "expected keys such as name, run, field and combine"
         raise ScenarioError([document.error((), data, text)])
     file = document.file
-    head = {"name": file.stem if file else "scenario"} | {k: data[k] for k in SECTIONS[:3] if k in data}
+    head = {"name": as_name(file.stem if file else "", "scenario")} | {
+        k: data[k] for k in SECTIONS[:3] if k in data
+    }
     checked = reader.check(Head, head, ())
     parts: dict[str, Any] = {} if checked is None else dict(checked)
     machines = machine_names(reader, data)

@@ -17,6 +17,7 @@ from swath.core.errors import InputError
 from swath.core.files.output_folder import held
 from swath.core.files.whole_file import new_file, write_whole
 from swath.core.frames import Pose
+from swath.core.schedule import NS
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.message_factory import RecordedMachine
@@ -291,6 +292,9 @@ def drive_to_scan(scenario: Scenario, at_s: float, *, camera: bool = False) -> D
         drive(world, [evaluation, sampler], until_s=max(at_s, *waits))
     finally:
         world.close()
+    if round(at_s * NS) > world.graph.t:
+        end_s = world.graph.t / NS
+        raise InputError("--at-s", at_s, f"expected a time of the run, which ends at {end_s:g} s")
     return DrivenWorld(world, machine, lidar, seen, sampler)
 
 

@@ -163,7 +163,7 @@ HOW = (
 )
 ABOUT_AGAIN = (
     "Commands are to be typed in the folder that holds `{0}`, with the same version of swath. One run, "
-    "whose name is in `runs.csv`: `swath test again {0} RUN`. The whole campaign: `{1}`"
+    "whose name is in `runs.csv`: `{1}`. The whole campaign: `{2}`"
 )
 OTHER_CODE = "The runs were made by other code than this page: a run made again may have another digest."
 FILES = (
@@ -302,7 +302,9 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         Table("Runs that fail", FAILED, [_run(folder.name, run) for run in failing[:LISTED]],
               text=f"{more(len(failing), LISTED, '`runs.csv`')} {ABOUT_FAILED}"),
         Section("How cells are judged", [_how(found)], "judged"),
-        Section("Run it again", [ABOUT_AGAIN.format(folder.name, again_all(found))]),
+        Section("Run it again", [
+            ABOUT_AGAIN.format(folder.name, again(folder.name, {"id": "RUN"}), again_all(found)),
+        ]),
         Section("Files and digests", [
             Banner(OTHER_CODE) if found.campaign.code != code_hash() else "",
             Table("", ("what", "digest"), _digests(found)),
