@@ -104,11 +104,17 @@ def test_a_file_gives_the_weather_between_its_hours(tmp_path):
         ("hour,rain_mm_h\n12,0\n14,-1", r"rain_mm_h = -1.0: expected >= 0 \(.*:3\)"),
         ("hour,wind_m_s\n12,3\n14,1e9", r"wind_m_s = 1000000000.0: expected <= 30 \(.*:3\)"),
         ("hour,rain_mm_h\n12,", r"rain_mm_h = nan: expected a finite number \(.*:2\)"),
-        ("hour,rain_mm_h\n12,0\n25,0", r"hour = 25.0: expected an hour of the day, 0 to 24 \(.*:3\)"),
+        ("hour,rain_mm_h\n12,0\n49,0", r"hour = 49.0: expected an hour of the day, 0 to 24, .*48 \(.*:3\)"),
+        ("hour,rain_mm_h\n12,0\n14:30,0", r"hour = 14:30: expected a number such as 10.5 \(.*:3\)"),
+        ('hour,rain_mm_h\n12,"0,5"', r"rain_mm_h = 0,5: expected a number such as 10.5 \(.*:2\)"),
+        ("hour,rain_mm_h\n12,0\n13,0,5", r"table = 13,0,5: expected 2 cells, with points in .* \(.*:3\)"),
+        ("hour;rain_mm_h\n12;0,5;", r"expected commas between columns, and points in numbers \(.*:1\)"),
+        ("# of DWD\nhour,rain_mm_h\n12,0", r"expected the names of columns, no comment \(.*:1\)"),
+        ("Stunde,rain_mm_h\n12,0", "Stunde: unknown column, expected one of hour, rain_mm_h, .*cloud_percent"),
         ("hour,sun_elevation_deg\n12,40\n15,30", "sun_azimuth_deg: expected both angles of the sun"),
         ("hour,rain\n12,1", r"rain: unknown column, did you mean 'rain_mm_h'.*:1\)"),
         ("Hour,rain_mm_h\n12,1", "did you mean 'hour'"),
-        ("hour;rain_mm_h\n12;1", r"expected commas between columns \(.*:1\)"),
+        ("hour;rain_mm_h\n12;1", r"expected commas between columns, .* \(.*:1\)"),
         ("hour,rain_mm_h, rain_mm_h\n12,0,1", "table = rain_mm_h: expected each column once"),
         ("hour,rain_mm_h\n12,1\n11,1", r"hour = 11.*rise \(.*:3\)"),
         ("hour,rain_mm_h\n3,1\n4,1", "time = .* within the hours of the file, 3 to 4"),
@@ -116,6 +122,19 @@ def test_a_file_gives_the_weather_between_its_hours(tmp_path):
         file.write_text(text + "\n")
         with pytest.raises(InputError, match=expected):
             SiteWeather(Weather(time=NOON, file=str(file)))
+
+
+@pytest.mark.parametrize(("begin", "after_h"), [("25T23:30", 0.5), ("26T00:30", -0.5)])
+def test_a_night_is_given_in_hours_beyond_24(tmp_path, begin, after_h):
+    file = tmp_path / "night.csv"
+    file.write_text("hour,temperature_c\n22,22\n26,14\n")
+    weather = SiteWeather(Weather(time=f"2026-07-{begin}+02:00", file=str(file)))
+    for h in np.linspace(-2.0, 2.0, 9):
+        assert weather.at(round((h + after_h) * HOUR)).temperature == pytest.approx(273.15 + 18.0 - 2.0 * h)
+    end = round((2.0 + after_h) * HOUR)
+    assert weather.at(end + HOUR).temperature == pytest.approx(273.15 + 14.0)
+    assert (weather.beyond(end), len(weather.beyond(end + HOUR))) == ([], 1)
+    assert weather.notes == [f"hours of {file} are taken in the zone of time, UTC+0200"]
 
 
 def test_wind_blows_where_its_azimuth_points():

@@ -1,6 +1,9 @@
 """CSV tables of numbers, read in blocks."""
 
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from csv import reader as rows_in
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,7 @@ from swath.documents.packed import readable
 
 Array = NDArray[np.float64]
 BLOCK_BYTES = 1 << 22
+LONGEST_HEAD = 1 << 16
 
 
 def column_names(path: Path) -> dict[str, str]:
@@ -19,14 +23,20 @@ def column_names(path: Path) -> dict[str, str]:
 
     InputError where there are none, two are alike, or no comma is between them.
     """
-    from pyarrow import csv
+    from pyarrow import csv, input_stream
 
     with readable("table", "a table with a line of column names", path):
-        reader = csv.open_csv(check_readable(path, "table", "a table"))
+        with input_stream(check_readable(path, "table", "a table")) as file:
+            head = file.read(LONGEST_HEAD).partition(b"\n")[0].decode(errors="replace").strip()
+        if "," not in head and (";" in head or "\t" in head):
+            expected = "expected commas between columns, and points in numbers"
+            raise InputError("table", head, expected, file=path, line=1)
+        if head.startswith("#"):
+            raise InputError("table", head, "expected the names of columns, no comment", file=path, line=1)
+        with _first_wrong(path, {}):
+            reader = csv.open_csv(path)
         names = [str(name) for name in reader.schema.names]
     found = {name.strip(): name for name in names}
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
-        raise InputError("table", names[0], "expected commas between columns", file=path, line=1)
     if len(found) < len(names):
         twice = next(name.strip() for name in names if found[name.strip()] != name or names.count(name) > 1)
         raise InputError("table", twice, "expected each column once", file=path, line=1)
@@ -45,6 +55,7 @@ def number_blocks(
     convert = csv.ConvertOptions(column_types=types, include_columns=list(types))
     with (
         readable("table", "numbers only", path),
+        _first_wrong(path, kept),
         csv.open_csv(
             check_readable(path, "table", "a table"),
             csv.ReadOptions(block_size=BLOCK_BYTES),
@@ -54,6 +65,34 @@ def number_blocks(
         for batch in reader:
             columns = (batch.column(k).to_numpy(zero_copy_only=False) for k in range(len(kept)))
             yield dict(zip(kept, columns, strict=True))
+
+
+@contextmanager
+def _first_wrong(path: Path, columns: Mapping[str, str]) -> Iterator[None]:
+    """Where a table cannot be read, the InputError of its first cell that is no number, or of its row."""
+    from pyarrow import ArrowInvalid, csv, input_stream
+
+    try:
+        yield
+    except ArrowInvalid:
+        with TextIOWrapper(input_stream(path), "utf-8-sig", "replace", newline="") as file:
+            rows = rows_in(file)
+            places = {column: place for place, column in enumerate(next(rows))}
+            for row in filter(None, rows):
+                if len(row) != len(places):
+                    expected = f"expected {len(places)} cells, with points in numbers"
+                    raise InputError(
+                        "table", ",".join(row), expected, file=path, line=rows.line_num
+                    ) from None
+                for name, column in columns.items():
+                    text = row[places[column]].strip()
+                    try:
+                        float("nan" if text in csv.ConvertOptions().null_values else text)
+                    except ValueError:
+                        raise InputError(
+                            name, text, "expected a number such as 10.5", file=path, line=rows.line_num
+                        ) from None
+        raise
 
 
 def read_numbers(path: Path, needed: Collection[str], optional: Collection[str] = ()) -> dict[str, Array]:

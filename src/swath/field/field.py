@@ -112,7 +112,7 @@ class Field:
     @property
     def notes(self) -> list[str]:
         """What was assumed of the maps that it is made of, and of its edges."""
-        parts = {"field.terrain": self.terrain, "field.stand": self.stand}
+        parts = {"field.terrain": self.terrain, "field.stand": self.stand, "field.weather": self.weather}
         said = [f"{key}: {n}" for key, p in parts.items() if isinstance(p, HasNotes) for n in p.notes]
         if self.weather is not None and self._by_weather:
             said += self.weather.beyond()

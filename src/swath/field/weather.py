@@ -28,11 +28,12 @@ from swath.core.errors import Extra, InputError
 from swath.core.schedule import NS
 from swath.core.units import DEG, HOUR, PERCENT
 from swath.documents.number_table import column_names, read_numbers
-from swath.documents.validation import near_miss, validate
+from swath.documents.validation import unknown_key, validate
 from swath.documents.yaml_document import Document
 from swath.field.field_setup import from_azimuth
 from swath.field.light import Light, light
 from swath.field.maps.projection import Origin
+from swath.field.moisture import DAY
 
 RainLaw = Literal["drops", "goodin"]
 LEFT_AT_MOR = 0.05  # of a beam after the meteorological optical range (WMO-No. 8)
@@ -57,8 +58,9 @@ class Weather:
     sun_elevation_deg: elevation of the sun; none = by time and place
     time: when the run starts, such as `2026-07-25T13:34+02:00`; with the place of the field it gives the sun
         (extras `light` and, for `field.origin`, `geo`)
-    file: CSV with the column `hour`, hours of the day of `time`, and any of the keys above that are numbers,
-        taken instead of them, linear between rows; of several rows the first and last hour enclose `time`
+    file: CSV with the column `hour`, hours of the day of `time` in its zone, up to 48 (beyond 24 of the next
+        day), and any of the keys above that are numbers, taken instead of them, linear between rows; of
+        several rows the first and last hour enclose `time`
     """
 
     rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
@@ -148,11 +150,18 @@ class SiteWeather:
         if self._rows is None or self.start is None or len(hours := self._rows["hour"]) == 1:
             return []
         begin, end = float(hours[0]), float(hours[-1])
-        if (begin <= 0.0 and end >= 24.0) or (t is not None and hour_of(self.start) + t / NS / HOUR <= end):
+        if end - begin >= DAY or (t is not None and _within(hours, hour_of(self.start)) + t / NS / HOUR <= end):
             return []
         said = f"beyond the hours of its file, {begin:g} to {end:g}, its nearest row is taken"
         why = "straw dries through a whole day; " if t is None else ""
         return [f"field.weather: {why}{said}"]
+
+    @property
+    def notes(self) -> list[str]:
+        """In which zone its file is read."""
+        if self._rows is None or self.start is None:
+            return []
+        return [f"hours of {self.params.file} are taken in the zone of time, {self.start:UTC%z}"]
 
     def at(self, t: int) -> Air:
         """The air at a time of the run [ns]."""
@@ -178,7 +187,7 @@ class SiteWeather:
         rows, start = self._rows, self.start
         if rows is None or start is None:
             return self.params
-        hour = hour_of(start) + t / NS / HOUR
+        hour = _within(rows["hour"], _within(rows["hour"], hour_of(start)) + t / NS / HOUR)
         found: dict[str, Any] = {
             name: float(np.interp(hour, rows["hour"], rows[name])) for name in rows if name != "hour"
         }
@@ -263,11 +272,17 @@ def hour_of(moment: datetime) -> float:
     return moment.hour + moment.minute / 60.0 + moment.second / HOUR
 
 
+def _within(hours: np.ndarray, hour: float) -> float:
+    """An hour, or the same of the day after or before where only that lies within the hours of a file."""
+    return next((h for h in (hour, hour + DAY, hour - DAY) if hours[0] <= h <= hours[-1]), hour)
+
+
 def _check_cell(name: str, value: float, path: Path, line: int) -> None:
     """InputError for a cell that no weather can have."""
     if name == "hour":
-        if not 0.0 <= value <= 24.0:
-            raise InputError("hour", value, "expected an hour of the day, 0 to 24", file=path, line=line)
+        if not 0.0 <= value <= 2.0 * DAY:
+            expected = "expected an hour of the day, 0 to 24, or of the next, up to 48"
+            raise InputError("hour", value, expected, file=path, line=line)
         return
     _, errors = validate(Weather, {name: value}, (), Document({}))
     if errors:
@@ -283,9 +298,8 @@ def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np
         )
     for name in column_names(path):
         if name not in ("hour", *COLUMNS):
-            raise InputError(
-                name, None, f"unknown column{near_miss(name, ('hour', *COLUMNS))}", file=path, line=1
-            )
+            expected = unknown_key(name, ("hour", *COLUMNS), "unknown column")
+            raise InputError(name, None, expected, file=path, line=1)
     rows = read_numbers(path, ["hour"], COLUMNS)
     hours = rows["hour"]
     if len(hours) == 0:
@@ -297,8 +311,7 @@ def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np
     if falls := np.flatnonzero(np.diff(hours) <= 0.0).tolist():
         row = falls[0] + 1
         raise InputError("hour", float(hours[row]), "expected hours that rise", file=path, line=row + 2)
-    begin = hour_of(start)
-    if len(hours) > 1 and not hours[0] <= begin <= hours[-1]:
+    if len(hours) > 1 and not hours[0] <= _within(hours, hour_of(start)) <= hours[-1]:
         expected = f"expected a time within the hours of the file, {hours[0]:g} to {hours[-1]:g}"
         raise InputError("field.weather.time", params.time, expected, file=path)
     if "wind_m_s" in rows or "wind_azimuth_deg" in rows:
