@@ -13,6 +13,7 @@ from swath.field.weather import KELVIN, Air, SiteWeather, Weather
 from swath.sensing.camera import thermal
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.mount import Mount
+from swath.tools.scan.scan import write_picture
 from tests.field.made_field import made_field
 from tests.machine.machine_fakes import site
 
@@ -71,7 +72,7 @@ def test_straw_is_warmer_by_day_and_colder_by_night_and_the_fawn_as_measured():
     )
 
 
-def seen(weather, *things, netd_mk=50.0, at=(7.0, 0.0)):
+def seen(weather, *things, netd_mk=50.0, at=(7.0, 0.0), pitch=0.5):
     field = made_field()
     field.weather = SiteWeather(weather)
     setup = site(field)
@@ -86,7 +87,7 @@ def seen(weather, *things, netd_mk=50.0, at=(7.0, 0.0)):
     )
     camera = thermal.ThermalCamera(params, setup)
     camera.reset(Stream(1, "camera"))
-    return camera.image_from(10**8, Pose.from_euler((at[0] - 5.0, at[1], HEIGHT), pitch=0.5) @ OPTICAL)
+    return camera.image_from(10**8, Pose.from_euler((at[0] - 5.0, at[1], HEIGHT), pitch=pitch) @ OPTICAL)
 
 
 @pytest.mark.parametrize(("kind", "posture"), [("person", None), ("person", "lying"), ("animal", "fawn")])
@@ -98,6 +99,23 @@ def test_what_lives_is_warm_at_night_where_it_is_in_sight(kind, posture):
         assert kelvin[own].mean() > kelvin[~own & (image.label > 0)].mean() + 4.0
     else:
         assert posture is not None  # it lies hidden in the crop
+
+
+def test_a_cold_sky_leaves_its_grey_to_the_ground():
+    thing = SheetObstacle(kind="person", x_m=7.0, y_m=0.0)
+    image = seen(NIGHT, thing, pitch=-0.1)
+    grey, own, ground = image.colour[..., 0], image.instance == 1, image.label > 0
+    assert own.any()
+    assert (grey[~ground & ~own] < 20).mean() > 0.5, "sky"
+    assert 10 < np.median(grey[ground & ~own]) < 160
+    assert np.median(grey[own]) > np.median(grey[ground & ~own]) + 60
+
+
+def test_a_scan_keeps_the_temperatures(tmp_path):
+    image = seen(NIGHT, SheetObstacle(kind="person", x_m=7.0, y_m=0.0))
+    with np.load(write_picture(tmp_path, image)[-1]) as kept:
+        assert np.array_equal(kept["raw"], image.raw)
+        assert np.array_equal(kept["instance"], image.instance)
 
 
 @pytest.mark.parametrize("netd_mk", [20.0, 80.0])

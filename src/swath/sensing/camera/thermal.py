@@ -13,7 +13,8 @@ None of these papers was read here, numbers of surfaces are estimates, no pictur
 
 What is seen: e B(Ts) + (1 - e) B(sky), B the integral of Planck's law, dimmed by the air as light is; each
 pixel has noise of the NETD, at 300 K. No lens, no drift, no blur. Channel `raw` is the apparent temperature
-in 0.01 K, `colour` the same from cold (black) to warm (white), each picture between its percentiles 1 and 99.
+in 0.01 K, `colour` the same from cold (black) to warm (white): by percentiles 1 and 99 of what is no sky, and
+half as much below them and as much above, so that what lives stands out of a ground that is nearly even.
 """
 
 from dataclasses import dataclass, replace
@@ -173,8 +174,11 @@ class ThermalCamera(SceneCamera):
         if "raw" in wanted:
             found["raw"] = np.clip(np.rint(CENTIKELVIN * kelvin), 0, 65535).astype(np.uint16)[..., None]
         if "colour" in wanted:
-            low, high = np.percentile(kelvin, (1.0, 99.0))
-            grey = np.clip(255.0 * (kelvin - low) / max(high - low, 1.0), 0, 255).astype(np.uint8)
+            below = cells(seen.hits.is_hit | (seen.directions[..., 2] < 0.0), self.per_side).any(axis=2)
+            low, high = np.percentile(kelvin[below] if below.any() else kelvin, (1.0, 99.0))
+            spread = max(high - low, 1.0)
+            share = (kelvin - low + 0.5 * spread) / (2.5 * spread)
+            grey = np.clip(255.0 * share, 0, 255).astype(np.uint8)
             found["colour"] = np.repeat(grey[..., None], 3, axis=2)
         return found
 

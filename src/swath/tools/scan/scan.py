@@ -173,6 +173,8 @@ def write_picture(folder: Path, image: Image) -> list[Path]:
         colour=image.colour,
         depth_m=image.depth,
         label=image.label,
+        instance=image.instance,
+        raw=image.raw,
         label_names=np.array([organ.name.lower() for organ in Organ]),
     )
     return [picture, arrays]
