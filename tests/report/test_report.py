@@ -15,7 +15,7 @@ from swath.record.recorder import Recorder
 from swath.report.html import Figure
 from swath.report.page import render
 from swath.report.plots import POINTS, evenly, figure
-from swath.report.report import MachineReport, ReportData, write_report
+from swath.report.report import MachineReport, ReportData, near_obstacles, write_report
 from swath.report.scan_sampler import ScanSampler, circles_of, make_map
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
@@ -219,6 +219,10 @@ def test_circles_of_solids():
     )
     assert circles_of(solids) == [(1.0, 2.0, 2.0), (3.0, 4.0, pytest.approx(0.1))]
     assert circles_of(Solids()) == []
+    way = np.stack([np.linspace(0.0, 30.0, 31), np.zeros(31)], axis=1)
+    for end_m, shown in ((30.0, [[1.0, 2.0], [3.0, 4.0]]), (-16.7, [[1.0, 2.0]]), (-40.0, [])):
+        assert near_obstacles(solids, way + np.array([end_m - 30.0, 0.0])).tolist() == shown
+    assert near_obstacles(Solids(), way).shape == (0, 2)
     assert GEOMETRY.header_end("left")[1] == 3.5
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.files.whole_file import write_whole
+from swath.field.memory_layout import Solids
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import SETTLING_M
@@ -35,6 +36,7 @@ from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState, Signal
 from swath.signals.image import ImageBoxes
 
 SPACING_M = 2.0  # between kept pictures at first; doubles whenever MOST are kept
+NEAR_M = 20.0  # of a way: obstacles there are on the map
 MOST = 8
 SHOWN = 4
 ABOUT_DRIVING = (
@@ -251,7 +253,8 @@ def collect(
         ends = [
             path_of(m.tracks, *m.machine.geometry.header_end(s)) for m in moved for s in _sides(m.machine)
         ]
-        picture = make_map(world.field, ends[0], also=np.concatenate(ends[1:]), margin=6.0)
+        near = near_obstacles(world.obstacles, np.concatenate(ends))
+        picture = make_map(world.field, ends[0], also=np.concatenate([*ends[1:], near]), margin=6.0)
     return ReportData(
         summary,
         scenario.resolved(),
@@ -376,6 +379,12 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[Figure]:
             image = plots.as_image(flow_figure(own.flow, own.tracks))
             yield Figure("Flow through the machine", image, ABOUT_FLOW)
         yield from _drive(own)
+
+
+def near_obstacles(obstacles: Solids, ways: F64) -> F64:
+    """Middles of the obstacles that the map shows [m], (n, 2): those within NEAR_M of a way."""
+    middles = [np.array(circle[:2]) for circle in circles_of(obstacles)]
+    return np.array([m for m in middles if np.hypot(*(ways - m).T).min() < NEAR_M]).reshape(-1, 2)
 
 
 def _map(data: ReportData, picture: FieldMap) -> Figure:
