@@ -110,7 +110,10 @@ def test_a_file_gives_the_weather_between_its_hours(tmp_path):
         ("hour,rain_mm_h\n12,0\n13,0,5", r"table = 13,0,5: expected 2 cells, with points in .* \(.*:3\)"),
         ("hour;rain_mm_h\n12;0,5;", r"expected commas between columns, and points in numbers \(.*:1\)"),
         ("# of DWD\nhour,rain_mm_h\n12,0", r"expected the names of columns, no comment \(.*:1\)"),
-        ("Stunde,rain_mm_h\n12,0", "Stunde: unknown column, expected one of hour, rain_mm_h, .*cloud_percent"),
+        (
+            "Stunde,rain_mm_h\n12,0",
+            "Stunde: unknown column, expected one of hour, rain_mm_h, .*cloud_percent",
+        ),
         ("hour,sun_elevation_deg\n12,40\n15,30", "sun_azimuth_deg: expected both angles of the sun"),
         ("hour,rain\n12,1", r"rain: unknown column, did you mean 'rain_mm_h'.*:1\)"),
         ("Hour,rain_mm_h\n12,1", "did you mean 'hour'"),

@@ -24,6 +24,7 @@ from swath.runtime.credibility import (
     Credibility,
     Scene,
     Seen,
+    _told,
     outside_of,
     why_outside,
 )
@@ -112,6 +113,24 @@ def test_outside(sets, slot, quantity):
     assert any(f"combine.{slot}: outside the range" in note and quantity in note for note in summary["notes"])
     rests = {entry["name"]: entry.get("rests_outside", []) for entry in summary["expect"]}
     assert f"combine.{slot}" in rests["lateral_rms_m"]
+
+
+def test_what_ended_the_run_is_judged_outside_a_range_too():
+    summary = run("field.soil={cone_index_kpa: 100}", CHEAP)
+    assert summary["ended"]["reason"] == "stuck"
+    assert summary["credibility"]["slots"]["combine.motion"]["state"] == OUTSIDE
+    entries = {entry["name"]: entry for entry in summary["expect"]}
+    assert (entries["stuck_count"]["result"], entries["stuck_count"].get("rests_outside")) == ("fail", None)
+    assert "combine.motion" in entries["rollover_count"]["rests_outside"]
+
+
+@pytest.mark.parametrize(("value", "state"), [(0.18 - 1e-9, INSIDE), (0.17998, OUTSIDE), (12.601, OUTSIDE)])
+def test_what_is_told_says_on_which_side_of_a_bound_it_is(value, state):
+    checked, seen = Checked("ground_speed_kmh", 0.18, 12.6, ""), Seen()
+    for _ in range(3):
+        seen.add(value, checked)
+    assert seen.state == state
+    assert (0.18 <= _told(value, checked) <= 12.6) == (state == INSIDE)
 
 
 def test_inside_and_how_far_off_the_level_may_be():
@@ -242,7 +261,7 @@ def test_what_changes_while_a_run_goes_is_watched():
     assert not due
     (note,) = watch.untold()
     assert "rain_mm_h" in note
-    assert "cutting_height_m 0.15 to 0.6 m" in note
+    assert "cutting_height_m 0.15 to 0.6 (" in note
     told = watch.entries()
     assert told["slots"]["combine.lidar"]["level"] == "empirical"
     assert told["slots"]["combine.lidar"]["state"] == OUTSIDE  # stands that lean by 40 deg

@@ -150,7 +150,9 @@ class SiteWeather:
         if self._rows is None or self.start is None or len(hours := self._rows["hour"]) == 1:
             return []
         begin, end = float(hours[0]), float(hours[-1])
-        if end - begin >= DAY or (t is not None and _within(hours, hour_of(self.start)) + t / NS / HOUR <= end):
+        if end - begin >= DAY or (
+            t is not None and _within(hours, hour_of(self.start)) + t / NS / HOUR <= end
+        ):
             return []
         said = f"beyond the hours of its file, {begin:g} to {end:g}, its nearest row is taken"
         why = "straw dries through a whole day; " if t is None else ""

@@ -10,17 +10,19 @@ A quantity that changes what a slot does (`runtime.met.Quantity.touches`) and fo
 range is `not checked` there: it is listed, and a note says so where the run met more than plain values.
 
 A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
-Where one of these is outside, it is not judged, but for slots of control: those are what is judged.
+Where one of these is outside, it is not judged, but for slots of control: those are what is judged. What is
+broken by the event that ended the run is judged: it is why there is no more of the run.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import inf, isfinite
 from typing import Any
 
 import numpy as np
 
-from swath.core.abilities import HasRanges
+from swath.core.abilities import Ending, HasRanges
 from swath.core.blocks import ShownToAll
 from swath.core.errors import InputError
 from swath.core.packed_state import saved_type
@@ -28,7 +30,7 @@ from swath.core.registry import Checked, KnownError
 from swath.core.schedule import NS
 from swath.core.units import rounded
 from swath.judge.catalogue import EvaluatorCatalogue
-from swath.judge.evaluator import HasSignals, Metric, SeesAll
+from swath.judge.evaluator import HasEvents, HasSignals, Metric, SeesAll
 from swath.judge.windows import FIELD
 from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, Where, untold, where_is
 from swath.runtime.world import Machine, World
@@ -39,6 +41,7 @@ NEVER_CHECKED = "never_checked"  # its key of quantities that levels were met wi
 INSIDE, EDGE, OUTSIDE = "inside", "at the edge", "outside"
 STATES = (INSIDE, EDGE, OUTSIDE)
 TOLERATED = 0.02  # share of the values of a look that may lie beyond a range
+SLACK = 1e-6  # share of a bound that comes of rounding, as of units
 LOOKS = 3  # beyond a range that make a slot outside of it
 REST = NS // 10  # between two questions whether a machine has moved on [ns]
 
@@ -62,14 +65,15 @@ class Seen:
 
     def add(self, values: Any, checked: Checked) -> None:
         """Take in the values of a look."""
+        first, last = _with_slack(checked)
         if isinstance(values, float):  # in a tenth of the time of an array
             count, low, high = int(isfinite(values)), values, values
-            strays = int(not checked.low <= values <= checked.high)
+            strays = int(not first <= values <= last)
         else:
             values = np.asarray(values, dtype=np.float64)
             values = values[np.isfinite(values)]
             count, low, high = len(values), values.min(initial=inf), values.max(initial=-inf)
-            strays = int(np.sum((values < checked.low) | (values > checked.high)))
+            strays = int(np.sum((values < first) | (values > last)))
         if not count:
             return
         self.low, self.high = min(self.low, float(low)), max(self.high, float(high))
@@ -274,9 +278,8 @@ class Credibility(SeesAll):
         for machine in self.scene.unchecked:
             said = []
             for name, slots in self._beyond_plain(machine):
-                seen, unit = [self._met(machine, slot, name) for slot in slots], QUANTITIES[name].unit
-                ends = min(s.low for s in seen), max(s.high for s in seen)
-                met = span((rounded(ends[0], 4), rounded(ends[1], 4))) + (f" {unit}" if unit != "1" else "")
+                seen = [self._met(machine, slot, name) for slot in slots]
+                met = span((rounded(min(s.low for s in seen), 4), rounded(max(s.high for s in seen), 4)))
                 said.append(f"{name} {met} ({', '.join(slots)})")
             if said:
                 yield f"{machine}: levels were not checked for {'; '.join(said)}"
@@ -306,7 +309,7 @@ class Credibility(SeesAll):
         return {
             "quantity": checked.quantity,
             "checked": [checked.low, checked.high],
-            "met": [rounded(seen.low, 4), rounded(seen.high, 4)] if seen.looks else None,
+            "met": [_told(seen.low, checked), _told(seen.high, checked)] if seen.looks else None,
             "state": seen.state,
             "looks": seen.looks,
             "beyond": seen.beyond,
@@ -325,7 +328,10 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
     doubtful = []
     for entry in summary["expect"]:
         slots = rests_on(watch.scene.world, catalogue, entry["subject"], entry["name"])
-        if beyond := [name for name in outside if name in slots - controls]:
+        beyond = [name for name in outside if name in slots - controls]
+        if beyond and not (
+            entry["result"] == "fail" and _ended_it(watch.scene.world, catalogue, entry["name"])
+        ):
             entry["rests_outside"] = beyond
             doubtful.append(entry["name"])
         if "hold" in entry["limit"]:
@@ -337,6 +343,12 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
     if doubtful:
         notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
     return notes
+
+
+def _ended_it(world: World, catalogue: EvaluatorCatalogue, name: str) -> bool:
+    """Whether an event of the evaluator of a metric ended the run."""
+    maker, why = catalogue.maker_of(name), world.graph.ended
+    return isinstance(why, Ending) and isinstance(maker, HasEvents) and why.kind in maker.EVENTS
 
 
 def outside_of(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -399,6 +411,20 @@ def _controls(world: World) -> set[str]:
     """Full names of slots of control: what they do is judged wherever they are used, they model nothing."""
     of_each = ((m.name, slot, choice) for m in world.machines.values() for slot, choice in m.slots.items())
     return {f"{name}.{slot}" for name, slot, choice in of_each if choice.kind.is_control}
+
+
+def _told(value: float, checked: Checked) -> float:
+    """Four digits of it, or as many as say whether it lies in a range."""
+    first, last = _with_slack(checked)
+    forms = [rounded(value, digits) for digits in (4, 6, 9, 17)]
+    return next(form for form in forms if (first <= form <= last) == (first <= value <= last))
+
+
+@lru_cache(maxsize=1024)
+def _with_slack(checked: Checked) -> tuple[float, float]:
+    """Ends of a range, apart by what rounding leaves open."""
+    low, high = checked.low, checked.high
+    return low - SLACK * abs(low), high + SLACK * abs(high)
 
 
 def span(ends: Sequence[float]) -> str:
