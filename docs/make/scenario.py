@@ -47,7 +47,7 @@ command), or your own `path/to/file.py:Class`,
 which runs, with your rights, only with `--allow-code` or where the command line names it
 ([SECURITY.md](../../SECURITY.md)).
 `--set combine.lidar.level=empirical` changes one key for one run; choosing another level drops the keys that
-only the old one knew. The order of changes does not matter; two that say different things about a key are an error.
+only the old one knew, of a recorded scenario its defaults, too. The order of changes does not matter; two that say different things about a key are an error.
 
 Ranges are intervals: `[0, 5)` holds 0 and not 5. Where no default stands, the key is needed; `null` = not given.
 """

@@ -257,6 +257,19 @@ class TestOverrides:
         lidar = read(sets=["combine.lidar.level=empirical"]).machines["combine"].slots["lidar"]
         assert (lidar.level, lidar.common.rate_hz, lidar.params.spread_m) == ("empirical", 25.0, 0.1)
 
+    @pytest.mark.parametrize("level", ["otsu", "likelihood_ratio"])
+    def test_a_level_in_a_recorded_scenario_is_the_one_it_would_have_been(self, level):
+        other = {"otsu": "likelihood_ratio", "likelihood_ratio": "otsu"}[level]
+        own = {"otsu": "search_m", "likelihood_ratio": "hold_m"}[level]
+        written = [f"combine.edge={{level: {other}}}", "combine.speed.speed_kmh=5"]
+        recorded = parse_scenario(load_scenario("bend", sets=written).resolved())
+        chosen = {"combine.edge.level": level, f"combine.edge.{own}": 3.25}
+        sets = [f"{key}={value}" for key, value in chosen.items()]
+        again = parse_scenario(recorded.resolved(), sets=sets).machines["combine"].slots
+        fresh = load_scenario("bend", sets=sets).machines["combine"].slots
+        assert again["edge"].params == fresh["edge"].params
+        assert again["speed"].params.speed_kmh == 5.0
+
     def test_a_machine_that_a_flag_adds_says_which_it_is(self):
         sets = ["cart.start.x_m=9", "cart.start.y_m=9", "cart.machine=tractor-grain-cart"]
         added = read(GOOD.partition("\nexpect:")[0], sets=sets)

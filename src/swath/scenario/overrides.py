@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 from swath.core.errors import InputError, SwathError, shortened
 from swath.documents.validation import known_keys, unknown_key
 from swath.documents.yaml_document import Document, KeyPath, Place, key_path, parse_value
+from swath.scenario.resolved import LevelChoice
 from swath.scenario.sections import SlotCommon
 from swath.scenario.slots import Catalogue
 from swath.scenario.versions import SECTIONS, short_key
@@ -31,7 +33,8 @@ def apply_overrides(
     Their order does not matter: what holds for more comes first, a section before its level, a level before
     its parameters. Two that say different things about a key are an error.
     Choosing another level drops the parameters that only the former level knew; where the former level cannot
-    be loaded, it drops every parameter that the new one does not know.
+    be loaded, it drops every parameter that the new one does not know. Of a section that has every parameter,
+    as that of a recorded run, it drops those, too, that stand at the former level's defaults.
     InputError for a key inside a machine that is not there.
     """
     changes = [change_of(flag, text) for flag, text in [*((f"--set {s}", s) for s in sets), *flags.items()]]
@@ -144,24 +147,34 @@ def _drop_foreign(document: Document, path: KeyPath, level: Any, catalogue: Cata
     kind = _kind(path, catalogue)
     if not isinstance(entry, dict) or not kind:
         return
-    after = _keys_of(catalogue, kind, level, Path.cwd())
+    after = _params_of(catalogue, kind, level, Path.cwd())
     if after is None:
         return  # reported when the scenario is read
     base = document.file.resolve().parent if document.file else None
-    before = _keys_of(catalogue, kind, entry.get("level", catalogue.default_level(kind)), base)
+    before = _params_of(catalogue, kind, entry.get("level", catalogue.default_level(kind)), base)
     of_slot = () if path[0] == "field" else tuple(SlotCommon.model_fields)
-    of_level = [key for key in entry if key not in ("level", *of_slot)]
-    for key in [k for k in of_level if k not in after and (before is None or k in before)]:
-        del entry[key]
+    defaults = before if before is not None and before.keys() <= entry.keys() else {}
+    for key in [key for key in entry if key not in ("level", *of_slot)]:
+        is_foreign = key not in after and (before is None or key in before)
+        if is_foreign or json.dumps(entry[key]) == defaults.get(key):
+            del entry[key]
 
 
-def _keys_of(catalogue: Catalogue, kind: str, level: Any, base: Path | None) -> list[str] | None:
-    """Parameters of a level; None where it cannot be had, such as code that may not run."""
+def _params_of(catalogue: Catalogue, kind: str, level: Any, base: Path | None) -> dict[str, str] | None:
+    """Parameters of a level and their defaults as JSON, "" = none; None where it cannot be had, such as code
+    that may not run.
+    """
     try:
         found = catalogue.registry.get(kind, str(level), base=base)
     except (SwathError, OSError, ValueError):
         return None
-    return None if found.is_unread else known_keys(found.params)
+    if found.is_unread:
+        return None
+    keys = dict.fromkeys(known_keys(found.params), "")
+    with suppress(TypeError):  # one has no default
+        plain = LevelChoice("", found, found.params()).plain()
+        keys = {key: json.dumps(plain[key]) for key in keys}
+    return keys
 
 
 def _kind(path: KeyPath, catalogue: Catalogue) -> str:
