@@ -153,7 +153,7 @@ def test_fitting_open_shape_is_accepted():
 @pytest.mark.parametrize(
     ("wires", "words"),
     [
-        ({}, "b.i: input is not connected"),
+        ({}, r"b\.i: input is not connected, wires: \{i: \.\.\.\} of its slot may name a\.o$"),
         ({"i": ("c", "o")}, "no slot c"),
         ({"i": ("a", "x")}, "no output x"),
         ({"i": ("a", "o"), "j": ("a", "o")}, "no such input"),

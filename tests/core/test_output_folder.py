@@ -8,7 +8,7 @@ import pytest
 from swath.commands.main import main, make_parser, subcommands
 from swath.core.errors import InputError
 from swath.core.files.output_folder import LOCK, check_folder, held
-from swath.core.files.whole_file import PART, new_file
+from swath.core.files.whole_file import PART, new_file, write_whole
 
 OWN = ("a.json", "part-*.png")
 OTHERWISE = {  # where a command holds its folder: with what writes it
@@ -106,3 +106,8 @@ def test_two_writers_of_a_file_never_mix(tmp_path):
     second.__exit__(None, None, None)
     assert file.read_bytes() == b"second"
     assert [f.name for f in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_what_cannot_be_written_is_named_as_it_was_asked_for(tmp_path):
+    with pytest.raises(OSError, match=r"/none/a\.yaml'$"):
+        write_whole(tmp_path / "none" / "a.yaml", "x")

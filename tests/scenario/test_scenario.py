@@ -1,6 +1,7 @@
 """Scenario files: what is read, what is refused and with which words."""
 
 from dataclasses import fields
+from pathlib import Path
 
 import pytest
 
@@ -347,3 +348,20 @@ class TestLocate:
 
     def test_an_unknown_key_stays_as_it_is(self):
         assert str(read().locate(InputError("foo.bar", 1, "expected 2"))) == "foo.bar = 1: expected 2"
+
+
+def test_an_error_of_a_flag_is_in_no_file():
+    scenario, error = load_scenario("straight"), InputError("--out", "there", "expected another folder")
+    assert str(scenario.locate(error)) == "--out = there: expected another folder"
+
+
+def test_an_open_wire_names_the_file_and_what_could_be_its_source(tmp_path):
+    from swath.core.foreign_code import allow_code
+    from swath.runtime.assembly import assemble
+
+    own, text = tmp_path / "own.py", Path("examples/my_edge_detector.py").read_text(encoding="utf-8")
+    own.write_text(text.replace('Port("scan"', 'Port("lidar_scan"'), encoding="utf-8")
+    said = r"combine\.edge\.lidar_scan: input is not connected.*combine\.lidar\.scan \(.*straight\.yaml\)"
+    sets = [f"combine.edge.level={own}:MyEdgeDetector", "combine.lidar.level=empirical"]
+    with allow_code(None), pytest.raises(SwathError, match=said):
+        assemble(load_scenario("straight", sets=sets))

@@ -195,7 +195,12 @@ class Graph:
                 source, output = node.wires[port.name]
                 check_fit(source, self._output_port(source, output, node, port), node.slot.name, port)
             elif not port.optional:
-                raise WiringError(f"{node.slot.name}.{port.name}: input is not connected")
+                every = ((n.slot.name, out) for n in self.nodes for out in n.component.outputs)
+                fits = [f"{name}.{out.name}" for name, out in every if issubclass(out.signal, port.signal)]
+                kind = port.signal.__name__
+                said = f"wires: {{{port.name}: ...}} of its slot may name {' or '.join(fits)}"
+                why = said if fits else f"no slot sends a {kind}"
+                raise WiringError(f"{node.slot.name}.{port.name}: input is not connected, {why}")
 
     def _output_port(self, source: str, output: str, node: Node, port: Port) -> Port:
         end = f"{source}.{output} -> {node.slot.name}.{port.name}"

@@ -24,7 +24,7 @@ from swath.core.abilities import (
 )
 from swath.core.checked import CheckedOutput
 from swath.core.component import Port, State
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError, SwathError, WiringError
 from swath.core.fault import NOTHING, FaultyOutput
 from swath.core.foreign_code import through
 from swath.core.frames import Pose
@@ -165,6 +165,8 @@ def assemble(
             return _assemble(scenario, only, fields)
     except InputError as error:
         raise scenario.locate(error) from error
+    except WiringError as error:
+        raise WiringError(f"{error} ({scenario.file})" if scenario.file else str(error)) from error
 
 
 def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:

@@ -112,7 +112,7 @@ class Scenario:
 
         A key may be full (`combine.lidar.mount.z_m`) or the end of one (`lidar.mount.z_m`).
         """
-        if error.file is not None:
+        if error.file is not None or error.key.startswith("-"):  # of a flag
             return error
         parts = key_path(error.key)
         places = self.document.places

@@ -76,7 +76,9 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
             os.fsync(whole)  # else a crash of the system can leave the name and not what it names
             os.close(whole)
             part.replace(path)
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, OSError) and error.filename == str(part):
+            error.filename = str(path)
         part.unlink(missing_ok=True)
         raise
     if not is_alone:
