@@ -6,6 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.field.maps.projection import origin_at, transform
 from swath.field_io.logs.shapefiles import read_points
@@ -287,3 +288,23 @@ def test_polygons_with_a_yield_each_are_records(tmp_path):
     columns, points, _, _ = read_points(tmp_path / "c.shp", "log")
     assert columns["Yield_t_ha"] == [5.4] * 120
     np.testing.assert_allclose(ORIGIN.to_local(points[:2]), [(4.5, 1.0), (4.5, 3.0)], atol=1e-3)
+
+
+def test_an_outline_alone_says_where_it_crosses_itself_and_draws_no_records(tmp_path, capsys, monkeypatch):
+    from matplotlib.figure import Figure
+
+    drawn = []
+    made = Figure.add_subplot
+    monkeypatch.setattr(Figure, "add_subplot", lambda *a, **k: drawn.append(a) or made(*a, **k))
+    ring = [[10.45, 52.28], [10.453, 52.283], [10.453, 52.28], [10.45, 52.282], [10.45, 52.28]]
+    path = tmp_path / "bow.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    line = ["field", "import", str(path), "--header-width-m", "9"]
+    assert main([*line, "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr()
+    assert "an outline crosses itself at 598998, 5793307" in told.out
+    assert "function test" not in told.out
+    assert len(drawn) == 2
+    path.write_text("{")
+    assert main([*line, "--out", str(tmp_path / "no")]) == 2
+    assert capsys.readouterr().err.startswith("swath: ")  # no empty line before it

@@ -36,3 +36,26 @@ def test_results_of_another_job_are_not_replaced(capsys, tmp_path):
     assert main(["fleet", "run", str(tmp_path / "south.yaml"), *out]) == 2
     assert "an earlier south, not of north" in " ".join(capsys.readouterr().err.split())
     assert (tmp_path / "out of both" / "results.json").read_bytes() == before
+    assert main(["fleet", "run", str(tmp_path / "north.yaml"), *out, "--set", "fleet.plans=1"]) == 2
+    assert "not of north with no changes" in " ".join(capsys.readouterr().err.split())
+    assert main(["fleet", "run", str(tmp_path / "south.yaml"), *out, "--replace"]) == 0
+    page = (tmp_path / "out of both" / "report.html").read_text()
+    assert "; machines at" not in page  # the job has no summary
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            "combines.combine.machine=foo",
+            "combines.combine.machine = foo: expected a file or one of combine-5m,",
+        ),
+        ("truck.machine=foo", "truck.machine = foo: expected a file or one of grain-truck"),
+        ("field.ways_m=[[[2000,2000],[2100,2100]]]", "field.ways_m[0] = "),
+    ],
+)
+def test_what_leads_nowhere_is_named_by_its_key(capsys, change, said):
+    assert main(["fleet", "run", "small-field", "--set", "fleet.plans=1", "--set", change]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert said in told
+    assert "grain-cart" not in told

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from swath.tools.compare_log.compare import (
     run_process,
     usable,
 )
+from swath.tools.compare_log.page import _over_flow
 from tests.shared_data import DATA
 
 WHEAT = DATA / "wheat_combine_logs_msu" / "si" / "farmerI_henrys_2018_wheat.csv.gz"
@@ -313,3 +315,14 @@ def test_a_whole_crop_is_grain_and_straw_where_the_straw_is_said(made):
     together = run_process(machine, whole, Drive(straw=0.5, whole_crop=True))[-1]
     assert together.grain_flow == pytest.approx(apart.grain_flow)
     assert run_process(machine, whole, Drive(whole_crop=True))[-1].grain_flow == 0.0
+
+
+@pytest.mark.parametrize("flow", [np.full(60, 9.0), np.linspace(8.0, 10.0, 60), np.linspace(8.0, 10.0, 5)])
+def test_few_records_are_drawn_over_their_flow_too(made, flow):
+    from matplotlib.figure import Figure
+
+    log = made[0].keep(np.arange(len(made[0])) < len(flow))
+    part = SimpleNamespace(log=replace(log, flow=flow), measured=log.measured, simulated=log.measured)
+    axes = Figure().add_subplot()
+    _over_flow(axes, part, "engine_load", np.ones(len(flow), dtype=bool))
+    assert all(len(line.get_xdata()) for line in axes.lines)

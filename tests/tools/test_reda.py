@@ -1,6 +1,7 @@
 """`swath reda`: visible shares, scores by hand, what each sensor answers in plain cases, what is written."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.rays.engine import RayCaster
 from swath.tools.reda import reda
+from swath.tools.reda.page import _settings
 from swath.tools.reda.scene import (
     EDGE_M,
     CameraSensor,
@@ -200,3 +202,10 @@ def test_before_dawn_warmth_is_seen_and_light_is_not(target):
 def test_thermal_asks_for_an_hour():
     with pytest.raises(InputError, match="--hour"):
         Settings(sensors=("thermal",))
+
+
+def test_the_head_names_what_was_asked_alone():
+    told = " ".join(_settings(replace(ONE, sensors=("lidar",))).values())
+    assert "of the LiDAR" in told
+    assert "radar" not in told
+    assert "px" not in told

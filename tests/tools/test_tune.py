@@ -254,6 +254,10 @@ def test_a_parameter_that_is_none_is_refused(text, expected):
         (["--param", "combine.speed.speed_kmh=2..8"], "made varies combine.speed.speed_kmh"),
         (["--param", "combine.steer.lookahead_m=2..8", "--aim", "made_up"], "made_up:lower or"),
         (["--param", "combine.steer.lookahead_m=2..8", "--tries", "3"], "expected 10 to 400"),
+        (
+            ["--param", "combine.steer.lookahead_m=2..8", "--tries", "3", "--proof", "9"],
+            "--proof = 9: expected 10",
+        ),
     ],
 )
 def test_what_cannot_be_tuned_is_refused(flags, expected, case_file, drives, tmp_path, capsys):

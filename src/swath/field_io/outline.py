@@ -98,11 +98,14 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
             raise InputError("boundary", None, "expected a polygon", file=path)
         if len(shapes) > MOST_SHAPES:
             raise InputError("boundary", len(shapes), f"expected at most {MOST_SHAPES} polygons", file=path)
-        return _arranged(*_moved(shapes, known_crs(crs or "EPSG:4326"), epsg, path), notes, path)
+        moved, epsg, crossings = _moved(shapes, known_crs(crs or "EPSG:4326"), epsg, path)
+        return _arranged(moved, epsg, [*notes, *crossings], path)
 
 
-def _moved(shapes: list[Shape], system: Any, epsg: int | None, path: Path) -> tuple[list[Shape], int]:
-    """The shapes in metres of the system epsg, None: of the UTM zone that they lie in."""
+def _moved(
+    shapes: list[Shape], system: Any, epsg: int | None, path: Path
+) -> tuple[list[Shape], int, list[str]]:
+    """The shapes in metres of the system epsg, None: of the UTM zone that they lie in; crossings."""
     shapely = _shapely()
     polygons = [s.polygon for s in shapes]
     if epsg is None:
@@ -115,7 +118,11 @@ def _moved(shapes: list[Shape], system: Any, epsg: int | None, path: Path) -> tu
     if not np.isfinite(shapely.get_coordinates(moved)).all():
         expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
         raise InputError("boundary", None, expected, file=path)
-    return [replace(s, polygon=_surfaces(p)) for s, p in zip(shapes, moved, strict=True)], epsg
+    said = [str(shapely.is_valid_reason(p)) for p in moved]
+    crossed = [text.partition("[")[2][:-1].split() for text in said if text.startswith("Self-intersection")]
+    places = some_of((f"{float(x):.0f}, {float(y):.0f}" for x, y in crossed), 3, "; ")
+    notes = [f"an outline crosses itself at {places} (EPSG:{epsg})"] if crossed else []
+    return [replace(s, polygon=_surfaces(p)) for s, p in zip(shapes, moved, strict=True)], epsg, notes
 
 
 def _arranged(shapes: list[Shape], epsg: int, notes: list[str], path: Path) -> Outlines:

@@ -32,14 +32,17 @@ def draw(field: "FieldFolder", file: Path) -> None:
     name = (field.info.get("source") or {}).get("file", field.path.name)
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # in names of files and machines
-        figure = Figure(figsize=(2 * width + 7.6, height + 1.2), dpi=110, layout="constrained")
+        beside = (field.info.get("yield_histogram"), field.info.get("rows"), field.info.get("removed"))
+        columns = [width, width + 0.6, *([5.4] if any(beside) else [])]  # an outline has no records
+        figure = Figure(figsize=(sum(columns) + 1.6, height + 1.2), dpi=110, layout="constrained")
         canvas = FigureCanvasAgg(figure)
-        grid = figure.add_gridspec(2, 3, width_ratios=[width, width + 0.6, 5.4])
+        grid = figure.add_gridspec(2, len(columns), width_ratios=columns)
         figure.suptitle(_short(f"{field.path.name}: {name}", 90), x=0.01, ha="left", fontsize=14)
         _draw_terrain(figure.add_subplot(grid[:, 0]), field)
         _draw_crop(figure.add_subplot(grid[:, 1]), field)
-        _draw_histogram(figure.add_subplot(grid[0, 2]), field)
-        _draw_removed(figure.add_subplot(grid[1, 2]), field)
+        if any(beside):
+            _draw_histogram(figure.add_subplot(grid[0, 2]), field)
+            _draw_removed(figure.add_subplot(grid[1, 2]), field)
         with new_file(file) as made:
             canvas.print_png(made, metadata={"Software": None})  # `savefig` draws everything twice
 
@@ -53,7 +56,8 @@ def _draw_terrain(axes: Any, field: "FieldFolder") -> None:
     terrain = field.terrain
     west, south, east, north = terrain.bounds
     values = np.nan_to_num(terrain.values.astype(float), nan=float(np.nanmedian(terrain.values)))
-    if min(values.shape) > 1 and np.ptp(values) > 0.0:
+    has_relief = min(values.shape) > 1 and np.ptp(values) > 0.0
+    if has_relief:
         steep = np.percentile(np.hypot(*np.gradient(values, terrain.cell)), 95)
         exaggeration = 0.6 / max(float(steep), 1e-3)
         shade = LightSource(315.0, 40.0).hillshade(values, exaggeration, terrain.cell, terrain.cell)
@@ -67,22 +71,30 @@ def _draw_terrain(axes: Any, field: "FieldFolder") -> None:
     for track in field.tracks:
         axes.plot(*track.line.T, color=colours[track.machine], lw=0.9, solid_capstyle="round")
     handles = [Line2D([], [], color=colours[m], lw=2, label=f"machine {_short(m)}") for m in machines]
-    handles.append(Line2D([], [], color=LINES, lw=0.8, label="height above the origin [m]"))
-    axes.legend(handles=handles, loc="upper left", framealpha=0.9)
-    _finish(axes, field, "terrain and driven passes")
+    if has_relief:
+        handles.append(Line2D([], [], color=LINES, lw=0.8, label="height above the origin [m]"))
+    if handles:
+        axes.legend(handles=handles, loc="upper left", framealpha=0.9)
+    what = "terrain" if has_relief else "level ground"
+    _finish(axes, field, f"{what} and driven passes" if field.tracks else what)
 
 
 def _draw_crop(axes: Any, field: "FieldFolder") -> None:
     stems = field.stems
     west, south, east, north = stems.bounds
     low, high = np.nanpercentile(stems.values, [2, 98])
+    is_even = low == high
     image = axes.imshow(
         stems.values, cmap="cividis", vmin=float(low), vmax=float(high), extent=(west, east, south, north),
         origin="lower", interpolation="nearest",
     )  # fmt: skip
-    axes.figure.colorbar(image, ax=axes, extend="both", shrink=0.4, label="stems per m2")
+    if not is_even:
+        axes.figure.colorbar(image, ax=axes, extend="both", shrink=0.4, label="stems per m2")
     grams = float((field.info.get("crop") or {}).get("grain_g_per_stem") or 0.0)
-    _finish(axes, field, "standing crop" + (f": yield / {grams:g} g of grain per stem" if grams else ""))
+    how = (
+        f": {low:g} stems per m2" if is_even else f": yield / {grams:g} g of grain per stem" if grams else ""
+    )
+    _finish(axes, field, f"standing crop{how}")
 
 
 def _draw_histogram(axes: Any, field: "FieldFolder") -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.terminal.options import add_folder, add_sets
+from swath.terminal.options import add_folder, add_replace, add_sets
 
 PLACE = "many", 3  # among all commands
 FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
@@ -28,6 +28,7 @@ def add(parsers: Any) -> None:
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
     told = "write report.html, replay.html, picture, plan and results.json"
     add_folder(run, "job", *FILES, text=told, required=False)
+    add_replace(run)
     add_sets(run, "change one key")
     told = "; ".join(f"{level}: {what}" for level, what in LEVELS.items())
     run.add_argument("--level", default="events", metavar="L", help=f"{told} (default events)")
@@ -58,8 +59,9 @@ def run_job(args: argparse.Namespace) -> int:
     if args.spread is not None and args.level != "events":
         raise InputError("--spread", args.spread, f"expected the level events, not {args.level}")
     job, document = read_job(args.job, tuple(args.sets))
-    if args.out is not None:
-        check_target(args.out, job.name)
+    changes = "; ".join(args.sets)
+    if args.out is not None and not args.replace:
+        check_target(args.out, job.name, changes)
     with steps(job.fleet.plans) as told:
         best, schedule = best_of(job, base_of(document), told)
     worked = driven(schedule) if args.level == "driven" else by_events(schedule)
@@ -76,7 +78,7 @@ def run_job(args: argparse.Namespace) -> int:
     for note in checked(worked):
         console.print(f"note: {note}", markup=False)
     if args.out is not None:
-        write_result(worked, job.name, job.summary, args.out)
+        write_result(worked, job.name, job.summary, args.out, changes)
         console.print(f"written: {args.out}/report.html", markup=False)
     return 0
 

@@ -22,7 +22,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.core.errors import InputError
-from swath.documents.data_sheets import find_sheet
+from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.documents.geojson import lines_of, read_shapes
 from swath.documents.validation import checked, near_miss
 from swath.documents.yaml_document import Document, read_mapping
@@ -278,6 +278,7 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
     job = JobFile(**vars(replace(found, name=found.name or file.stem)))
     if not job.combines:
         raise document.error(("combines",), None, "expected at least one combine")
+    _check_machines(job, document)
     given = [bool(job.field.boundary_m), job.field.file is not None, job.field.log is not None]
     if given.count(True) != 1:
         raise document.error(("field",), None, "expected one of boundary_m, file and log")
@@ -294,6 +295,26 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
         if name in job.combines:
             raise document.error(("carts", name), None, "expected another name, a combine has it")
     return job, document
+
+
+TYPES = {"combines": "combine", "carts": "tractor_with_trailer", "truck": "truck"}  # of data sheets
+
+
+def _check_machines(job: JobFile, document: Document) -> None:
+    """InputError for a data sheet that is not there, with those that serve in its place."""
+    from swath.machine.machine_sheet import open_machine
+
+    named = [(("combines", n), c.machine) for n, c in job.combines.items()]
+    named += [(("carts", n), c.machine) for n, c in job.carts.items()]
+    for path, machine in [*named, (("truck",), job.truck.machine)]:
+        try:
+            open_machine(machine, base_of(document))
+        except InputError as error:
+            if error.key != "machines":
+                raise
+            fits = [n for n in sheet_names("machines") if open_machine(n).value("type") == TYPES[path[0]]]
+            expected = f"expected a file or one of {', '.join(fits)}{near_miss(machine, fits)}"
+            raise document.error((*path, "machine"), machine, expected) from error
 
 
 def job_sheet(name: str) -> Path:

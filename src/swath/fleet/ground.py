@@ -123,7 +123,7 @@ class Ground:
         return math.dist(self.gate, self.dock[:2])
 
     def _check_ways(self, shapely: Any, parts: tuple[Any, ...], job: JobFile) -> None:
-        """InputError for a part of the field to which no open ground leads from the gate."""
+        """InputError for a part of the field, or a way, to which no open ground leads from the gate."""
         together = shapely.get_parts(self.open)
         home = min(together, key=lambda area: area.distance(shapely.Point(self.gate)))
         apart = [p for p in parts if not home.intersects(p)]
@@ -131,6 +131,10 @@ class Ground:
             gap = min(home.distance(p) for p in apart)
             expected = f"expected ground that joins all parts of the field, one is {gap:.0f} m off"
             raise InputError("field.around_m", job.field.around_m, expected)
+        for number, way in enumerate(job.field.ways_m):
+            if not home.intersects(shapely.LineString(self.frame.to_field(way))):
+                expected = "expected a way that touches the field, its gate, the truck or another way"
+                raise InputError(f"field.ways_m[{number}]", [tuple(p) for p in way], expected)
 
     def _yards(self, shapely: Any, place: Array, job: JobFile) -> list[Any]:
         """Ground at truck and gate, ways, and one straight between both where these do not join them."""

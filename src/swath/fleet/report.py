@@ -36,11 +36,13 @@ DOES = plots.CROP, plots.SKY, plots.PURPLE, "#8cccb0", plots.GREEN, plots.BLUE
 COLOURS = dict(zip(SHOWN, (*DOES, plots.ORANGE, "#f2a97c", "#8c2d04", plots.GREY), strict=True))
 
 
-def check_target(out: Path, name: str) -> None:
-    """InputError for a folder with the results of another job than that of this name."""
+def check_target(out: Path, name: str, changes: str = "") -> None:
+    """InputError for a folder with the results of another job than this, or of it with other changes."""
     kept = out / "results.json"
-    if kept.is_file() and (has := read_object(kept, "--out", "results of a job").get("name")) != name:
-        expected = f"expected a new or empty folder, or an earlier {name}, not of {has}"
+    has = read_object(kept, "--out", "results of a job") if kept.is_file() else {"name": name, "set": changes}
+    if (was := (has.get("name"), has.get("set", ""))) != (name, changes):
+        lies = was[0] if was[0] != name else f"{name} with {was[1] or 'no changes'}"
+        expected = f"expected a new or empty folder, or an earlier {name}, not of {lies}; or --replace"
         raise InputError("--out", str(out), expected)
 
 
@@ -51,7 +53,13 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
     if w.schedule.bound > 0.0:
         bound, plans = w.schedule.bound, len(w.schedule.compared)
         rows.append(("no plan takes less than", f"{bound / 3600.0:.2f}", "h"))
-        rows.append((f"more than that, best of {plans} plans", f"{100.0 * (w.ends / bound - 1.0):.0f}", "%"))
+        rows.append(
+            (
+                f"more than that, best of {counted(plans, 'plan')}",
+                f"{100.0 * (w.ends / bound - 1.0):.0f}",
+                "%",
+            )
+        )
     if w.draws:
         low, high, mean = min(w.draws), max(w.draws), math.fsum(w.draws) / len(w.draws)
         value = f"{low / 3600.0:.3f} to {high / 3600.0:.3f}, mean {mean / 3600.0:.3f}"
@@ -62,7 +70,7 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
         ("passes", str(len(plan.passes)), ""),
         ("ground that no pass of the plan cuts", f"{100.0 * plan.left / plan.area:.3f}", "%"),
         ("grain at the truck", f"{w.schedule.delivered / 1000.0:.1f}", "t"),
-        ("mass error, over all grain", f"{w.mass_error:.0e}", "1"),
+        ("mass error, over all grain", f"{w.mass_error:.1g}", ""),
         ("harvested per hour", f"{0.36 * plan.area / w.cut if w.cut else 0.0:.2f}", "ha/h"),
         ("field efficiency", f"{100.0 * w.efficiency:.1f}", "%"),
         ("diesel of all machines", f"{litres_per_ha(w):.1f}", "l/ha"),
@@ -143,13 +151,14 @@ def to_dict(w: Worked) -> dict[str, Any]:
     }
 
 
-def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
-    """Write the files of a job."""
+def write_result(w: Worked, name: str, summary: str, out: Path, changes: str = "") -> None:
+    """Write the files of a job. changes: of its keys, by which the folder is known."""
     out.mkdir(parents=True, exist_ok=True)
     plots.write_picture(out / "job.png", draw(w))
-    write_json(out / "results.json", {"name": name, **to_dict(w)})
+    write_json(out / "results.json", {"name": name, **({"set": changes} if changes else {}), **to_dict(w)})
     w.schedule.plan.write(out / "plan.json")
-    write_replay(w, name, f"{summary}; level {w.level}", out)
+    told = f"{summary}; " if summary else ""
+    write_replay(w, name, f"{told}machines at the level {w.level}", out)
     head, rows = machine_rows(w)
     notes = checked(w)
     routes = [
@@ -169,7 +178,7 @@ def write_result(w: Worked, name: str, summary: str, out: Path) -> None:
     ]  # fmt: skip
     write_page(
         out / "report.html", sections, heading=name, title=f"{name}, fleet", lead=outcome(w),
-        top=(f"{summary}; machines at the level {w.level}. [Replay from above](replay.html)",),
+        top=(f"{told}machines at the level {w.level}. [Replay from above](replay.html)",),
     )  # fmt: skip
 
 

@@ -29,7 +29,8 @@ def steps(total: int, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn())
-    bar = Progress(*columns, console=Console(stderr=True), transient=True, disable=not shown)
+    console = Console(stderr=True)
+    bar = Progress(*columns, console=console, transient=True, disable=not (shown and console.is_terminal))
     task = bar.add_task("starting", total=total)
     timer = threading.Timer(SOON, bar.start)
     timer.daemon = True
@@ -44,4 +45,5 @@ def steps(total: int, *, shown: bool = True) -> Iterator[Callable[[str], None]]:
     finally:
         timer.cancel()
         timer.join()
-        bar.stop()
+        if bar.live.is_started:  # else it prints an empty line
+            bar.stop()

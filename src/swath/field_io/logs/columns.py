@@ -327,7 +327,11 @@ COLUMN_HEAD = ("column", "is", "unit", "unit by")
 def column_rows(source: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
     """Rows under COLUMN_HEAD of `ColumnMap.summary`: what was taken for what, then what was not used."""
     plain = [
-        (c["column"], key, *((c["unit"], c["unit_by"]) if c["unit"] not in ("text", "1") else ("", "")))
+        (
+            c["column"],
+            key,
+            *(("", "") if QUANTITIES[key] in ("text", "number") else (c["unit"], c["unit_by"])),
+        )
         for key, c in source["columns"].items()
     ]
     unused = source["not_used"]

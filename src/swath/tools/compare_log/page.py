@@ -132,14 +132,15 @@ def _scatter(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
 def _over_flow(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
     flow = made.log.flow[mask]
     edges = np.linspace(np.percentile(flow, 0.5), np.percentile(flow, 99.5), 16)
-    where = np.digitize(flow, edges)
+    where = np.clip(np.digitize(flow, edges), 1, len(edges) - 1)
+    least = min(20.0, len(flow) / len(edges))  # of a bin that is drawn: the fullest always is
     for of, colour, label in ((made.measured, GREY, "measured"), (made.simulated, ORANGE, "simulated")):
         values = of[quantity][mask]
-        found = [k for k in range(1, len(edges)) if (where == k).sum() >= 20]
+        found = [k for k in range(1, len(edges)) if (where == k).sum() >= least]
         x = [flow[where == k].mean() for k in found]
         y = np.array([np.percentile(values[where == k], [10, 50, 90]) for k in found]).reshape(-1, 3)
         ax.fill_between(x, y[:, 0], y[:, 2], color=colour, alpha=0.16, lw=0)
-        ax.plot(x, y[:, 1], color=colour, lw=1.5, label=label)
+        ax.plot(x, y[:, 1], color=colour, lw=1.5, label=label, marker="o", ms=2.5)
     ax.set(xlabel="crop flow [kg/s]", ylabel="median, 10–90 %")
 
 

@@ -19,23 +19,26 @@ def add_engine(parser: ArgumentParser) -> None:
 
 
 @contextmanager
-def progress(count: int) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A bar over the runs on stderr, lines where that is no terminal; failures are counted in it."""
+def progress(count: int, bound: str = "") -> Iterator[Callable[[dict[str, Any]], None]]:
+    """A bar over the runs on stderr, lines where that is no terminal; failures are counted in it.
+
+    bound: what to say before the count, `at most `
+    """
     from rich.console import Console
     from rich.progress import Progress
 
     console = Console(stderr=True)
     failed = ended = 0
     with Progress(console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"{count} runs", total=count)
+        task = bar.add_task(f"{bound}{count} runs", total=count)
 
         def done(result: dict[str, Any]) -> None:
             nonlocal failed, ended
             ended += 1
             failed += result["verdict"] in ("fail", "error")
-            bar.update(task, advance=1, description=f"{count} runs, {failed} did not pass")
+            bar.update(task, advance=1, description=f"{bound}{count} runs, {failed} did not pass")
             if not console.is_terminal and ended * LINES // count > (ended - 1) * LINES // count:
-                print(f"{ended} of {count} runs, {failed} did not pass", file=sys.stderr, flush=True)
+                print(f"{ended} of {bound}{count} runs, {failed} did not pass", file=sys.stderr, flush=True)
 
         yield done
 

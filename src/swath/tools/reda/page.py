@@ -128,10 +128,15 @@ def _settings(s: Settings) -> dict[str, str]:
     weathers = (
         f"{name}: {dust:g}/m of dust, {rain:g} mm/h" for name in s.weathers for dust, rain in [WEATHERS[name]]
     )
+    cameras = {"camera", "thermal"} & {*s.sensors}
+    radars = {*s.sensors} - {"lidar", "camera", "thermal"}
+    looks = [f"{s.repeats} x {s.looks} of radars"] if radars else []
+    looks += [f"{s.repeats} x 3 of the LiDAR"] if "lidar" in s.sensors else []
+    looks += [f"{s.repeats} of cameras"] if cameras else []
     return {
         "crop": f"{s.crop}, straw at {s.moisture:g} % water",
         "weather": "; ".join(weathers),
-        "looks at a place": f"{s.repeats} x {s.looks} of radars, {s.repeats} x 3 of the LiDAR",
-        "camera": f"{s.camera_px} px wide, needs {s.camera_least_px:g} px of height",
+        "looks at a place": ", ".join(looks),
+        **({"camera": f"{s.camera_px} px wide, needs {s.camera_least_px:g} px of height"} if cameras else {}),
         "seed": str(s.seed),
     }

@@ -23,7 +23,12 @@ def add(parsers: Any) -> None:
     option(parser, "--prove CASE", "prove in this case instead of other conditions; several times", [])
     option(parser, "--tries N", "settings that are tried, 10 to 400", 60)
     option(parser, "--each N", "runs of each setting, over all cases", 8)
-    option(parser, "--proof N", "runs of each part of the proof, with the winner and as many as shipped", 32)
+    option(
+        parser,
+        "--proof N",
+        "runs of each part of the proof, 10 or more, with the winner and as many as shipped",
+        32,
+    )
     add_sets(parser, "change every scenario; shipped is what it says then")
     option(parser, "--level", "LiDAR level, as in swath test run", "", choices=("empirical", "plants"))
     option(parser, "--seed N", "seed of the draws", 1)
@@ -48,7 +53,7 @@ def _tune(args: argparse.Namespace) -> int:
         tuple(cases), params, tuple(args.aim) or (MARGIN,), tuple(proven), args.tries, args.each, args.proof,
         tuple(args.sets), args.level, args.seed,
     )  # fmt: skip
-    with progress(runs_of(tune)) as done, engine(args.cluster, args.workers) as client:
+    with progress(runs_of(tune), "at most ") as done, engine(args.cluster, args.workers) as client:
         found = run_tune(args.out, tune, max(1, args.workers), done, client)
     return tell(found)
 

@@ -10,13 +10,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, raise_all
 from swath.core.files.whole_file import write_whole
 from swath.core.random import Stream
 from swath.documents.validation import near_miss
@@ -32,7 +32,7 @@ from swath.tools.function_test.judging.margin import MARGIN, judged_margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import Session, claim_folder
-from swath.tools.tune.optimiser import Measured, Tried, front, optimise, searched_by, winner
+from swath.tools.tune.optimiser import FEWEST, MOST, Measured, Tried, front, optimise, searched_by, winner
 from swath.tools.tune.parameters import Parameter, as_sets, read_parameter, sets_at
 
 TUNE, CANDIDATES, WINNER = "tune.json", "candidates.yaml", "winner.yaml"
@@ -322,10 +322,12 @@ def _other_seeds(case: Case, first: int, count: int) -> Sequence[int]:
 
 def _check(tune: Tune) -> Draws:
     """The draws of a tuning. InputError for what cannot be tuned, MissingExtra."""
-    searched_by(tune.tries)
-    for name, least in (("each", 1), ("proof", 10)):
-        if getattr(tune, name) < least:
-            raise InputError(f"--{name}", getattr(tune, name), f"expected {least} runs or more")
+    ranges = {"tries": (FEWEST, MOST, "settings"), "each": (1, inf, "runs"), "proof": (10, inf, "runs")}
+    raise_all([
+        InputError(f"--{name}", value, f"expected {low}{f' to {high}' if high < inf else ' or more'} {unit}")
+        for name, (low, high, unit) in ranges.items() if not low <= (value := getattr(tune, name)) <= high
+    ])  # fmt: skip
+    searched_by()
     keys = [p.key for p in tune.parameters]
     if not keys or len(set(keys)) < len(keys):
         raise InputError("--param", ", ".join(keys) or None, "expected one or more, each key once")
