@@ -36,13 +36,18 @@ def boxes(t, *distances):
 
 def driven(steps, away, channels=("colour",)):
     """A metre and a picture a second; away: distance of the thing in each picture, inf = none."""
-    sampler = PictureSampler(machine())
+    states = []
+    sampler = PictureSampler(machine(), lambda: states[-1])
     for k in range(steps):
-        state = MachineState(k * NS, Pose.identity(), 1.0, 0.0, 0.0, 0.0, float(k))
-        sampler("combine.motion", k * NS, {"state": state})
-        seen = boxes(k * NS, *([away(k)] if np.isfinite(away(k)) else []))
-        sampler("combine.camera", k * NS, {"image": empty_image(k * NS, Lens(), channels), "boxes": seen})
-        sampler("tractor.camera", k * NS, {"image": empty_image(k * NS, Lens(), channels)})
+        states.append(MachineState(k * NS, Pose.identity(), 1.0, 0.0, 0.0, 0.0, float(k)))
+        image, seen = empty_image(k * NS, Lens(), channels), boxes(k * NS, *filter(np.isfinite, [away(k)]))
+        for slot, outputs in (
+            ("combine.motion", {"state": states[-1]}),
+            ("combine.camera", {"image": image, "boxes": seen}),
+            ("tractor.camera", {"image": image}),
+        ):
+            for looker in sampler.lookers(slot, (*map(type, outputs.values()),)):
+                looker.see(slot, k * NS, outputs)
     return sampler.pick()
 
 

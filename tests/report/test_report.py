@@ -19,6 +19,7 @@ from swath.report.report import MachineReport, ReportData, near_obstacles, write
 from swath.report.scan_sampler import ScanSampler, circles_of, make_map
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
+from swath.signals import MachineState
 from tests.evaluated import evaluation_of
 from tests.fake_run import GEOMETRY, ArcEdge, GridField, drive, machine
 
@@ -37,9 +38,16 @@ def run(tmp_path_factory):
     edge = ArcEdge(40.0)
     ground, combine, digest = GridField(edge, gap=(14.0, 17.0)), machine(edge=edge), Digest()
     evaluation = evaluation_of(ground, combine, expect=LIMITS)
-    keeper = ScanSampler(combine, lambda: evaluation.find("combine", EdgeDetection).true_offset)
+    states = [None]
+
+    def note(slot, t, outputs):
+        states.extend(s for s in outputs.values() if isinstance(s, MachineState))
+
+    keeper = ScanSampler(
+        combine, lambda: evaluation.find("combine", EdgeDetection).true_offset, lambda: states[-1]
+    )
     with Recorder(folder, [combine], extra={"combine": evaluation.columns("combine")}) as recorder:
-        drive([digest, evaluation, keeper, recorder], ground)
+        drive([digest, evaluation, note, keeper, recorder], ground)
     summary = make_summary(
         {"name": "bend <1>", "summary": "A & B", "seed": 3},
         evaluation,

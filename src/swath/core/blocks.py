@@ -63,7 +63,7 @@ class Looker(NamedTuple):
 
 @runtime_checkable
 class LooksOn(Protocol, metaclass=ByMembers):
-    """One of these with parts that are shown samples, too."""
+    """An observer whose parts, or which itself, are shown samples of some types or slots alone."""
 
     def lookers(self, slot: str, kinds: tuple[type[Signal], ...]) -> Sequence[Looker]:
         """The observers that want samples of these types from a slot."""

@@ -67,11 +67,12 @@ class Onlookers:
         if (watch := self._watches.get(slot)) is not None:
             yield -1, Looker(watch, watch)
         for place, observer in enumerate(self._known):
-            if not any(observer is taker for taker in self.takers):
-                yield place, Looker(observer, _as_it_is(observer))
-            elif isinstance(observer, LooksOn):
+            is_taker = any(observer is taker for taker in self.takers)
+            if isinstance(observer, LooksOn) and (is_taker or not isinstance(observer, TakesBlocks)):
                 for looker in observer.lookers(slot, kinds):
                     yield place, looker
+            elif not is_taker:
+                yield place, Looker(observer, _as_it_is(observer))
 
 
 def _late(observers: Sequence[Any]) -> list[Any]:

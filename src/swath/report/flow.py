@@ -8,6 +8,7 @@ from swath.core.schedule import NS
 from swath.record.charts import CHARTS, LOSSES
 from swath.record.message_factory import RecordedMachine
 from swath.report import plots
+from swath.report.scan_sampler import Sampler
 from swath.signals import MachineLoad, OrganLoads, Signal
 
 LOST = ("threshing_loss", "separation_loss", "cleaning_loss")
@@ -20,8 +21,10 @@ THIN = 1.2  # width of a band at least [point]
 
 
 @dataclass
-class FlowSampler:
+class FlowSampler(Sampler):
     """Observer that adds up what went through a machine. kg: masses by flow of `MachineLoad`."""
+
+    SEEN = (MachineLoad, OrganLoads)
 
     machine: RecordedMachine
     kg: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FLOWS, 0.0))
@@ -30,8 +33,6 @@ class FlowSampler:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Watch what `slot` published."""
-        if slot.partition(".")[0] != self.machine.name:
-            return
         for sample in outputs.values():
             if isinstance(sample, OrganLoads):
                 self.tank_mog = sample.tank_mog

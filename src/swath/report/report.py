@@ -3,7 +3,7 @@
 Pictures that cameras took on the way are kept for it.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -27,12 +27,12 @@ from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure, silhouette
 from swath.report.flow import FlowSampler, flow_figure
 from swath.report.html import Figure
-from swath.report.scan_sampler import FieldMap, KeptScan, ScanSampler, circles_of, make_map
+from swath.report.scan_sampler import FieldMap, KeptScan, Sampler, ScanSampler, circles_of, make_map
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
 from swath.scenario.scenario import Scenario
-from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState, Signal
+from swath.signals import F64, OBSTACLE_KINDS, Image, Signal
 from swath.signals.image import ImageBoxes
 
 SPACING_M = 2.0  # between kept pictures at first; doubles whenever MOST are kept
@@ -72,32 +72,29 @@ class _Camera:
     spacing: float = SPACING_M
 
 
-class PictureSampler:
+class PictureSampler(Sampler):
     """Observer that keeps pictures of every camera of a machine at even distances, the newest, and the one
-    with the nearest thing in it.
+    with the nearest thing in it. state: gives the newest `MachineState`.
     """
 
-    def __init__(self, machine: RecordedMachine) -> None:
-        self.machine, self._distance = machine, 0.0
+    SEEN = (Image, ImageBoxes)
+
+    def __init__(self, machine: RecordedMachine, state: Callable[[], Any]) -> None:
+        self.machine, self._state = machine, state
         self._cameras: dict[str, _Camera] = {}
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Watch what `slot` published."""
-        name, _, part = slot.partition(".")
-        if name != self.machine.name:
-            return
         image = boxes = None
         for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._distance = signal.distance
-            elif isinstance(signal, Image):
+            if isinstance(signal, Image):
                 image = signal
             elif isinstance(signal, ImageBoxes):
                 boxes = signal
         if image is None or image.t == 0:  # black, before the first exposure
             return
         if image.colour.size or image.depth.size:
-            self._keep(part, KeptPicture(image, boxes, self._distance))
+            self._keep(slot.partition(".")[2], KeptPicture(image, boxes, self._state().distance))
 
     def _keep(self, part: str, picture: KeptPicture) -> None:
         camera = self._cameras.setdefault(part, _Camera(picture, picture))
@@ -320,11 +317,12 @@ class ReportWriter(RunHook):
         for name, machine in run.evaluation.machines.items():
             detection = run.evaluation.find(name, EdgeDetection)
             assert detection is not None
-            self._samplers[name] = ScanSampler(machine, partial(_true_offset, detection))
+            state = partial(run.world.graph.latest, f"{name}.motion", "state")
+            self._samplers[name] = ScanSampler(machine, partial(_true_offset, detection), state)
             run.observers.insert(run.observers.index(run.recorder), self._samplers[name])
             self._flows[name] = FlowSampler(machine)
             run.observers.append(self._flows[name])
-            self._pictures[name] = PictureSampler(machine)
+            self._pictures[name] = PictureSampler(machine, state)
             if run.world.machines[name].slots_of("camera"):
                 run.observers.append(self._pictures[name])
 

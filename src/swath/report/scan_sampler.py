@@ -1,16 +1,19 @@
 """What the report needs from a run beside its files: some whole scans, and the field's picture."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from swath.core.blocks import Looker
 from swath.core.frames import Pose
 from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, Solids
+from swath.judge.evaluator import is_among
 from swath.record.message_factory import RecordedMachine
 from swath.signals import F64, CropEdge, MachineState, Scan, ScanTruth, Signal
 
+Ask = Callable[[], Any]
 SPACING_M = 2.0  # between kept scans at first; doubles whenever MOST are kept
 MOST = 48
 BAND = 64  # rows of a map that are looked up together
@@ -49,27 +52,37 @@ class _Scanner:
     spacing: float = SPACING_M
 
 
-class ScanSampler:
+class Sampler:
+    """Observer that is shown samples of some types alone. machine: whose; SEEN: these types."""
+
+    machine: RecordedMachine
+    SEEN: ClassVar[tuple[type[Signal], ...]]
+
+    def lookers(self, slot: str, kinds: tuple[type[Signal], ...]) -> Sequence[Looker]:
+        """Itself, where it wants samples of these types from a slot."""
+        is_mine = slot.partition(".")[0] == self.machine.name and is_among(kinds, self.SEEN)
+        return [Looker(self, self)] if is_mine else []  # type: ignore[arg-type]
+
+
+class ScanSampler(Sampler):
     """Observer that keeps scans of every scanner of a machine at even distances, and always the newest.
 
     true_offset: gives y of the true edge for the newest detected one [m]; what it asks must be called before
+    state: gives the newest `MachineState`, None before there is one
     """
 
-    def __init__(self, machine: RecordedMachine, true_offset: Callable[[], float]) -> None:
-        self.machine, self._true_offset = machine, true_offset
-        self._state: MachineState | None = None
+    SEEN = (Scan, ScanTruth, CropEdge)
+
+    def __init__(self, machine: RecordedMachine, true_offset: Ask, state: Ask) -> None:
+        self.machine, self._true_offset, self._state = machine, true_offset, state
         self._has_edges = False
         self._scanners: dict[str, _Scanner] = {}
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Watch what `slot` published."""
-        name, _, part = slot.partition(".")
-        if name != self.machine.name:
-            return
+        part = slot.partition(".")[2]
         for signal in outputs.values():
-            if isinstance(signal, MachineState):
-                self._state = signal
-            elif isinstance(signal, Scan):
+            if isinstance(signal, Scan):
                 scanner = self._scanners.setdefault(part, _Scanner(signal))
                 scanner.scan = signal
                 if not self._has_edges:
@@ -97,11 +110,11 @@ class ScanSampler:
         return [scans[i] for i in picked]
 
     def _see(self, slot: str, scanner: _Scanner, edge: CropEdge | None) -> None:
-        if self._state is None:
+        if (state := self._state()) is None:
             return
-        scanner.newest = (self._state, scanner.scan, scanner.truth, edge)
+        scanner.newest = (state, scanner.scan, scanner.truth, edge)
         last = scanner.kept[-1].distance if scanner.kept else 0.0
-        if self._state.distance - last >= scanner.spacing:
+        if state.distance - last >= scanner.spacing:
             scanner.kept.append(self._make(slot, scanner))
             if len(scanner.kept) > MOST:
                 scanner.kept, scanner.spacing = scanner.kept[1::2], 2.0 * scanner.spacing

@@ -48,13 +48,6 @@ def unframed(data: bytes) -> tuple[int, int, bytes] | None:
     return data[2], data[3], data[5:-1]
 
 
-def steer_data(command: SteerData) -> bytes:
-    """PGN 254 as AgOpenGPS sends it, without sections and with an unknown distance to its line."""
-    speed = round(abs(command.speed) * 36.0)
-    data = speed.to_bytes(2, "little") + bytes([int(command.is_on)]) + _hundredths(command.angle)
-    return framed(FROM_AGOPENGPS, STEER_DATA, data + bytes([255, 0, 0]))
-
-
 def read_steer_data(data: bytes) -> SteerData | None:
     """PGN 254 out of its data."""
     if len(data) != 8:

@@ -7,6 +7,7 @@ by side in scan.camera.png, its arrays in .npz.
 import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -288,7 +289,9 @@ def drive_to_scan(scenario: Scenario, at_s: float, *, camera: bool = False) -> D
     machine = world.machines[name]
     evaluation = make_evaluation(world)
     detection = evaluation.find(name, EdgeDetection)
-    sampler = ScanSampler(machine.recorded(), lambda: detection.true_offset if detection else float("nan"))
+    true_offset = lambda: detection.true_offset if detection else float("nan")  # noqa: E731
+    state = partial(world.graph.latest, f"{name}.motion", "state")
+    sampler = ScanSampler(machine.recorded(), true_offset, state)
     waits = [turns / slots[slot].common.rate_hz for slot, turns in ((lidar, 2.0), (seen, 1.0)) if slot]
     try:
         drive(world, [evaluation, sampler], until_s=max(at_s, *waits))
