@@ -12,7 +12,7 @@ from functools import reduce
 from operator import add
 
 HEAD = b"\x80\x81"
-FROM_AGOPENGPS, FROM_MODULE = 0x7F, 0x7E
+FROM_MODULE = 0x7E
 STEER_DATA, STEER_RESPONSE, HELLO = 254, 253, 200
 LISTENS, ANSWERS_TO = 8888, 9999  # ports of the module and of AgOpenGPS
 NO_HEADING, NO_ROLL = 9999, 8888
