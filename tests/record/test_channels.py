@@ -302,3 +302,6 @@ def test_what_is_no_measurement_is_named_by_its_ending(tmp_path):
     (tmp_path / "junk.npz").write_text("junk")
     with pytest.raises(InputError, match="by its first bytes it is none"):
         open_log(tmp_path / "junk.npz")
+    (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")  # of a run that lost its data
+    with pytest.raises(InputError, match="it holds no such file"):
+        open_log(tmp_path)

@@ -141,6 +141,7 @@ def test_garbage_behind_a_good_beginning(tmp_path_factory, data, form):
 def test_a_folder_with_odd_metadata(tmp_path_factory, text):
     folder = tmp_path_factory.mktemp("odd")
     (folder / "metadata.yaml").write_text(text, encoding="utf-8")
+    (folder / "odd_0.db3").touch()
     with pytest.raises(InputError, match="readable rosbag"):
         open_log(folder)
 

@@ -228,8 +228,9 @@ def _open(path: Path) -> Log:
 
 def _open_folder(path: Path) -> Log:
     parts = sorted(path.glob("*.mcap"))
-    if not (path / "metadata.yaml").is_file() and not parts:
-        raise InputError("recording", path.name, KINDS, file=path)
+    has_data = bool(parts) or any(file.suffix in DATABASES for file in path.iterdir())
+    if not has_data or not (parts or (path / "metadata.yaml").is_file()):
+        raise InputError("recording", path.name, f"{KINDS}; it holds no such file", file=path)
     if (named := open_parts(path)) is not None:
         return named
     try:
