@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
+from swath.judge.evaluators.delays import DOUBT, Delays
 from swath.judge.evaluators.positioning import Positioning
-from swath.signals import Fix, GuidanceState, MachineState, PoseEstimate
+from swath.signals import Fix, GuidanceState, MachineState, PoseEstimate, SteerCommand
 
 NAN = math.nan
 
@@ -53,3 +54,12 @@ def test_a_loss_of_the_fix_is_an_event_with_an_end():
 def test_without_these_parts_there_is_nothing_to_say():
     assert Positioning(Setup()).metrics() == {}
     assert list(Positioning(Setup()).events()) == []
+
+
+@pytest.mark.parametrize(("late_s", "is_told"), [(0.2, False), (3.5, True), (-3.5, True)])
+def test_a_time_stamp_that_can_hardly_be_is_told(late_s, is_told):
+    delays = Delays(Setup())
+    for t in range(0, 10**9, 10**8):
+        command = SteerCommand(t - round(late_s * 1e9), 0.0, True)
+        delays.see("steer", t, {"command": command})
+    assert delays.notes == ([f"command_delay_s {late_s} s: {DOUBT}"] if is_told else [])

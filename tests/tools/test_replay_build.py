@@ -257,6 +257,21 @@ def test_some_bad_ranges_and_poses_are_left_out_and_counted(tmp_path):
     assert grid.about["echoes"] == SCANS * BEAMS - BEAMS - 5
 
 
+def test_rows_of_a_csv_are_counted_as_scans_whatever_times_their_beams_have(tmp_path):
+    path, poses = write_csv(tmp_path / "s.csv")
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    for times in (rows[:, 0], rows[:, 0] + 1e-4 * np.tile(np.arange(BEAMS), SCANS)):
+        for table in (rows, rows.reshape(SCANS, BEAMS, 3)[:, ::-1].reshape(-1, 3)):
+            table = np.column_stack([np.sort(times), table[:, 1:]])
+            np.savetxt(path, table, delimiter=",", header="t_s,range_m,azimuth_deg", comments="", fmt="%.9g")
+            assert grid_of(path, poses).about["scans"] == SCANS
+    lines = path.read_text().splitlines()
+    lines[7] = lines[7].replace(lines[7].split(",")[1], "-3.5")
+    path.write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"range_m = -3.5: expected >= 0, .* \(.*s.csv:8\)"):
+        grid_of(path, poses)
+
+
 def test_csv_errors_are_named(tmp_path):
     path, poses = write_csv(tmp_path / "s.csv")
     with pytest.raises(InputError, match="--poses: expected a table of poses"):
@@ -265,7 +280,7 @@ def test_csv_errors_are_named(tmp_path):
     with pytest.raises(InputError, match=r"columns = t_s, x: expected columns t_s, x_m, y_m.*poses.csv"):
         open_source(path, Wanted(), poses)
     poses.write_text("t_s,x_m,y_m\n1,2,north\n")
-    with pytest.raises(InputError, match=r"expected numbers only.*north.*poses.csv"):
+    with pytest.raises(InputError, match=r"y_m = north: expected a number such as 10.5 \(.*poses.csv:2\)"):
         open_source(path, Wanted(), poses)
     poses.write_text("t_s,x_m,y_m\n1,2,3\n1,2,3\n")
     with pytest.raises(InputError, match="at least two finite poses"):

@@ -1,6 +1,7 @@
 """How old detected edges and steering commands are when they arrive."""
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +10,9 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Later, Metric
 from swath.signals import CropEdge, SteerCommand
+
+OLD = 1.0  # age on arrival beyond which a time stamp is doubted [s]
+DOUBT = "is the t of what is sent the time [ns] for which it holds?"
 
 
 class Delays(Later):
@@ -40,6 +44,12 @@ class Delays(Later):
     def metrics(self) -> dict[str, float]:
         """Metrics of what the machine has: none without an edge detection or automatic steering."""
         return {name: _percentile(ages, 95.0) / NS for name, ages in self._ages.items()}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Which are so old that their time stamps may be wrong."""
+        old = [f"{n} {age:.3g} s" for n, age in self.metrics().items() if not -OLD <= age <= OLD]
+        return [f"{said}: {DOUBT}" for said in old]
 
 
 def _percentile(ages: Counter[int], share: float) -> float:

@@ -150,9 +150,13 @@ def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     source = Source(path.name, read_poses(poses), wanted.mount or Pose.identity(), lambda: iter(()))
 
     def sweeps() -> Iterator[Echoes]:
+        line, azimuth = 2, np.zeros(0)
         for block in number_blocks(path, names, KNOWN):
             time = block["t_s"]
             if form == polar:
+                if (below := np.flatnonzero(block["range_m"] < 0.0)).size:
+                    said = float(block["range_m"][below[0]]), "expected >= 0, an empty cell for no echo"
+                    raise InputError("range_m", *said, file=path, line=line + int(below[0]))
                 elevation = block["elevation_deg"] * DEG if "elevation_deg" in block else 0.0
                 points = polar_points(block["range_m"], block["azimuth_deg"] * DEG, elevation)
             else:
@@ -162,6 +166,11 @@ def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
                 good = np.isfinite(time) & (far >= wanted.range_min) & (far <= wanted.range_max)
             bright = block.get("intensity", np.full(len(time), np.nan))
             scans = len(np.unique(time[good]))
+            if form == polar:  # or by its beams, of which each may have a time of its own
+                turns = np.diff(np.concatenate([azimuth[-1:], block["azimuth_deg"]]))
+                azimuth, ahead = block["azimuth_deg"], np.sign(np.nanmedian(turns)) if len(turns) else 0.0
+                scans = min(scans, int(np.count_nonzero(turns * ahead < 0.0)) + (line == 2))
+            line += len(time)
             yield Echoes(time[good], points[good], bright[good], int(np.count_nonzero(~good)), scans)
 
     source.sweeps = sweeps

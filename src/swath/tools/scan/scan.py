@@ -92,7 +92,7 @@ def _picture(
         profile, above, view = fig.subplots(3, 1, height_ratios=(1.0, 1.3, 2.4))
         plots.plot_scan(profile, kept, machine.geometry, machine.edge_side)
         profile.set(xlabel="left of the machine's axis [m]", ylabel="height [m]")
-        profile.legend(loc="upper left", ncol=4)
+        profile.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=4, frameon=False)
         _from_above(above, points, scan, machine.geometry, machine.edge_side)
         picture = io.BytesIO()
         drawn.savefig(picture, format="png", dpi=110)
