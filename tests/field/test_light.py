@@ -7,6 +7,7 @@ from swath.core.units import DEG
 from swath.field.light import FILE, light
 from swath.field.weather import Sun
 from swath.sensing.camera.shading import FULL, Daylight, sun_direction
+from tests.sensing.sky_light import sky_light
 
 
 def test_the_table_is_what_its_command_makes():
@@ -63,5 +64,20 @@ def test_the_sky_sends_the_light_that_it_gives_level_ground(cloud):
         ways = np.stack([flat * np.cos(around), flat * np.sin(around), up], axis=-1)
         sent = 2.0 * (day.sky_at(ways) * up[..., None]).mean(axis=(0, 1))
         np.testing.assert_allclose(sent, day.sky, rtol=0.02)
+        level = day.on(np.array([[0.0, 0.0, 1.0]], np.float32), np.zeros(1))
+        np.testing.assert_allclose(level, day.sky[None], rtol=1e-3)
         towards = day.sky_at(sun_direction(1.0, elevation * DEG))
         assert cloud == 1.0 or (towards > day.sky_at(np.array([0.0, 0.0, 1.0]))).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_any_side_gets_the_light_of_the_half_space_before_it(seed):
+    """Of drawn normals, suns and clouds: sky, ground by its reflectance, and the sun by its angle."""
+    draw = np.random.default_rng(seed)
+    cloud = draw.choice([0.0, 1.0, draw.uniform()])
+    day = Daylight(Sun(draw.uniform(-4.0, 4.0), draw.uniform(-12.0, 90.0) * DEG), cloud)
+    normals = draw.normal(size=(12, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    cosine = draw.uniform(0.0, 1.0, 12)
+    wanted = [sky_light(day, n) + c * day.sun for n, c in zip(normals, cosine, strict=True)]
+    np.testing.assert_allclose(day.on(normals.astype(np.float32), cosine), wanted, rtol=0.02)

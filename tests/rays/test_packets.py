@@ -31,10 +31,49 @@ def hills():
 
 def compare(field, o, d, **options):
     caster = RayCaster(field, threads=1)
-    options = {"range_max": 40.0} | options
+    options = {"range_max": 40.0, "normals": True} | options
     found = caster.cast_bundles((o, d), **options)
-    check_same(found, caster.cast(o.reshape(-1, 3), d.reshape(-1, 3), **options))
+    plain = caster.cast(o.reshape(-1, 3), d.reshape(-1, 3), **options)
+    check_same(found, plain)
+    check_normals(found, d)
+    check_normals(plain, d.reshape(-1, 3))
     return found
+
+
+def check_normals(found, d):
+    """Of unit length against the ray, whose angle of incidence they make; 0 where nothing was hit."""
+    np.testing.assert_allclose(-(found.normal * d).sum(axis=-1), found.cosine, atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(found.normal, axis=-1), found.is_hit, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_parallel_rays(hills, seed):
+    """Many close together, a few scattered, from any side, also among solids."""
+    draw, caster = np.random.default_rng(seed), RayCaster(hills, threads=1)
+    azimuth, up = draw.uniform(-np.pi, np.pi), draw.uniform(4.0, 90.0) * DEG
+    way = -np.array([np.cos(azimuth) * np.cos(up), np.sin(azimuth) * np.cos(up), np.sin(up)])
+    places = np.concatenate([draw.uniform([2.5, 6.0], [3.5, 7.0], (3000, 2)), draw.uniform(0, 9, (400, 2))])
+    height = hills.ground_height(*places.T) + draw.uniform(0.0, 1.1, len(places))
+    starts = np.column_stack([places, height]) - 8.0 * way
+    starts = starts[starts[:, 2] > hills.ground_height(*starts.T[:2]) + 0.01]
+    ball = Solids(
+        ellipsoid_centre=np.array([[3.0, 6.4, 0.5]]) + over(hills, 0.0, 0.0, 0.0),
+        ellipsoid_axes=np.eye(3)[None],
+        ellipsoid_half=np.array([[0.3, 0.2, 0.9]]),
+        ellipsoid_reflectance=np.array([0.5]),
+    )
+    options = {"range_max": 9.0, "normals": True, "solids": ball if seed % 2 else None}
+    found = caster.cast_parallel(starts, way, **options)
+    plain = caster.cast(starts, np.broadcast_to(way, starts.shape), **options)
+    check_same(found, plain)
+    check_normals(found, way)
+    alike = found.organ == plain.organ
+    assert np.mean(np.abs(found.normal - plain.normal)[alike] < 2e-2) > 0.999
+    assert len(np.unique(found.organ)) > 3
+    two = RayCaster(hills, threads=2).cast_parallel(starts, way, **options)
+    for a, b in zip(found.arrays, two.arrays, strict=True):
+        assert a.tobytes() == b.tobytes()
+    assert caster.cast_parallel(starts[:0], way, **options).distance.shape == (0,)
 
 
 @pytest.mark.parametrize("height", [1.5, 3.0, 6.0])
@@ -206,14 +245,14 @@ def test_spots_hit_what_their_rays_hit(hills, spot):
 
 def test_threads_order_and_company_change_no_bit(hills):
     o, d = bundles(over(hills, 2.0, 4.0, 2.5), np.arange(-90, 90, 0.5) * DEG, 0.4, 19)
-    first = RayCaster(hills, threads=1).cast_bundles((o, d), range_max=30.0)
+    first = RayCaster(hills, threads=1).cast_bundles((o, d), range_max=30.0, normals=True)
     for threads in (2, 3):
-        again = RayCaster(hills, threads=threads).cast_bundles((o, d), range_max=30.0)
+        again = RayCaster(hills, threads=threads).cast_bundles((o, d), range_max=30.0, normals=True)
         for a, b in zip(vars(first).values(), vars(again).values(), strict=True):
             assert a.tobytes() == b.tobytes()
     order = np.random.default_rng(2).permutation(len(o))
-    mixed = RayCaster(hills, threads=2).cast_bundles((o[order], d[order]), range_max=30.0)
-    single = RayCaster(hills, threads=1).cast_bundles((o[:, 4:5], d[:, 4:5]), range_max=30.0)
+    mixed = RayCaster(hills, threads=2).cast_bundles((o[order], d[order]), range_max=30.0, normals=True)
+    single = RayCaster(hills, threads=1).cast_bundles((o[:, 4:5], d[:, 4:5]), range_max=30.0, normals=True)
     for a, b, c in zip(*(vars(h).values() for h in (first, mixed, single)), strict=True):
         assert a[order].tobytes() == b.tobytes()
         assert a[:, 4].tobytes() == c.tobytes()

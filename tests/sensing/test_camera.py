@@ -22,6 +22,7 @@ from swath.sensing.camera.pinhole import OPTICAL
 from swath.sensing.camera.rays import Params, RaysCamera
 from swath.sensing.camera.shading import COLOURS, Daylight, encode, linear
 from swath.sensing.mount import Mount
+from tests.sensing.sky_light import sky_light
 
 TEXT = """
 format: swath scenario 2
@@ -201,11 +202,11 @@ def test_labels_and_depths_are_those_of_single_rays():
 DAY = Daylight(Sun(np.radians(230.0), np.radians(50.0)), 0.0)
 
 
-def bytes_of(organ, cosine):
+def bytes_of(organ, cosine, normal=(0.0, 0.0, 1.0)):
     """The colour of a surface in light and shadow, written out: linear, lit, and back to sRGB."""
     c = np.array(COLOURS[organ]) / 255.0
     linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-    x = np.minimum(linear * (DAY.sky + DAY.sun * cosine), 1.0)
+    x = np.minimum(linear * (sky_light(DAY, normal) + DAY.sun * cosine), 1.0)
     return 255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
 
 
@@ -220,8 +221,8 @@ def test_light_and_shadow_on_the_ground(shadows):
     sun = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
     rise = np.radians(30.0)
     normal = np.array([-0.04 * np.cos(rise), -0.04 * np.sin(rise), 1.0])
-    lit = bytes_of(Organ.GROUND, sun @ normal / np.linalg.norm(normal))
-    dark = bytes_of(Organ.GROUND, 0.0)
+    normal /= np.linalg.norm(normal)
+    lit, dark = (bytes_of(Organ.GROUND, cosine, normal) for cosine in (sun @ normal, 0.0))
     ground = image.label == Organ.GROUND
     d = rays_by_hand(160, 120, made.pinhole.focal)[ground]
     points = EYE + image.depth[ground].astype(float)[:, None] * d

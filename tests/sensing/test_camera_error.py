@@ -18,6 +18,7 @@ from swath.field.site_setup import Bodies, SiteSetup
 from swath.field.solid.obstacles import SheetObstacle, things_of
 from swath.field.solid.solids import mesh
 from swath.field.stand import maps
+from swath.field.weather import Sun
 from swath.sensing.camera import depth, error, rays
 from swath.sensing.camera.rays import USUAL_SUN
 from swath.sensing.camera.shading import Daylight, linear
@@ -27,6 +28,7 @@ from swath.signals import OBSTACLE_KINDS, MachineState
 from tests.field.made_field import made_field
 from tests.field.test_plume import summed
 from tests.field.test_solids import MACHINE
+from tests.sensing.sky_light import sky_light
 
 SPEED, EXPOSURE = 2.0, 10e-3
 HERE = Path(__file__).parent
@@ -161,8 +163,12 @@ def test_numbers_are_those_of_the_radiometry(elevation, ms):
     middle = float(image.raw[59:61, 79:81, 0].mean())
     share = linear((140, 146, 154))  # paint of a thing of no kind
     high = np.radians(elevation)
-    light = clear_light(high)
-    lit = np.array([light.at(w, light.sky + light.sun * np.cos(high)) for w in (620e-9, 540e-9, 460e-9)])
+    light, waves = clear_light(high), (620e-9, 540e-9, 460e-9)
+    day = Daylight(Sun(np.pi, high), 0.0)
+    sky = sky_light(day, [0.0, -1.0, 0.0]) / day.sky  # of that on level ground
+    lit = np.array(
+        [light.at(w, light.sky * s + light.sun * np.cos(high)) for w, s in zip(waves, sky, strict=True)]
+    )
     irradiance = 100.0 * lit * 0.9 / (4 * 4.0**2) * share
     photons = sum(irradiance * np.array([620e-9, 540e-9, 460e-9])) * 1e-10 * ms * 1e-3 / 1.98644586e-25
     assert middle == pytest.approx(30 + 0.2 * (0.5 * photons + 40 * ms * 1e-3), rel=2e-3, abs=1.0)

@@ -14,7 +14,7 @@ from swath.field.solid.solids import NOTHING, solid_count
 from swath.rays.device import ThreadPool, ray_device, start_warp, thread_count
 from swath.rays.field_arrays import LiveScene
 from swath.rays.hits import CastOptions, Hits, Spots
-from swath.rays.packets.packing import SUB_RAYS_MAX, Packing, pack_bundles, pack_image
+from swath.rays.packets.packing import SUB_RAYS_MAX, Packing, pack_bundles, pack_image, pack_parallel
 from swath.rays.packets.traversal import PacketTraversal, can_compile
 from swath.rays.refusals import check_origins, check_range
 
@@ -56,17 +56,17 @@ class RayCaster:
         the ground or where no page is in memory.
         """
         o, d = self._checked(origins, directions, options["range_max"])
-        hits = Hits.uninitialised((len(o),))
+        hits = Hits.uninitialised((len(o),), options.get("normals", False))
         if len(o):
             self._launch(o, d, hits, options)
         return hits
 
     def cast_solids(
-        self, origins: ArrayLike, directions: ArrayLike, *, range_max: float, solids: Solids
+        self, origins: ArrayLike, directions: ArrayLike, *, range_max: float, solids: Solids, normals: bool
     ) -> Hits:
         """As `cast`, against solids alone: crop and ground are not there, rays may start anywhere."""
         o, d = (np.ascontiguousarray(v, dtype=np.float64).reshape(-1, 3) for v in (origins, directions))
-        hits = Hits.uninitialised((len(o),))
+        hits = Hits.uninitialised((len(o),), normals)
         if len(o):
             from swath.rays.kernel.solids_alone import cast_solids
 
@@ -104,14 +104,26 @@ class RayCaster:
         slow. Scan lines of single rays count as an image, too.
         """
         start = np.ascontiguousarray(origins, dtype=np.float64)
-        is_one = start.shape == (3,)
-        o, d = _of_shape(np.broadcast_to(start, np.shape(directions)) if is_one else start, directions)
+        o, d = _of_shape(
+            np.broadcast_to(start, np.shape(directions)) if start.shape == (3,) else start, directions
+        )
         shape = (int(d.shape[0]), int(d.shape[1]))
         if not self._has_packets(1):
             return self.cast(o, d, **options).reshaped(shape)
-        is_lone = is_one and solid_count(options.get("solids") or NOTHING) == 0
         packing = pack_image(*shape, _pitch_ratio(d)) if d.size else None
-        return self._traverse(shape, (start if is_lone else np.ascontiguousarray(o), d), packing, options)
+        return self._traverse(shape, (start, d), packing, options)
+
+    def cast_parallel(self, origins: F64, direction: F64, **options: Unpack[CastOptions]) -> Hits:
+        """As `cast`, for rays from (n, 3) in one direction (3,): what is close together goes as packets."""
+        o, ways = np.ascontiguousarray(origins), np.broadcast_to(direction, origins.shape)
+        if len(o) == 0 or not self._has_packets(1):
+            return self.cast(o, ways, **options)
+        packing, lone = pack_parallel(o, direction)
+        hits = self._traverse((len(o),), (o, np.ascontiguousarray(direction)), packing, options)
+        for array, found in zip(hits.arrays, self.cast(o[lone], ways[lone], **options).arrays, strict=True):
+            if array.size:
+                array[lone] = found
+        return hits
 
     def _has_packets(self, sub_rays: int) -> bool:
         """Can such bundles be cast as packets? Else the plain kernel serves, and a warning says so once."""
@@ -128,7 +140,7 @@ class RayCaster:
 
     def _traverse(
         self,
-        shape: tuple[int, int],
+        shape: tuple[int, ...],
         rays: Spots | tuple[F64, F64],
         packing: Packing | None,
         options: CastOptions,
@@ -136,7 +148,7 @@ class RayCaster:
         """Hits of rays that go as packets; None: there are no rays."""
         range_max, solids = options["range_max"], options.get("solids") or NOTHING
         check_range(range_max)
-        hits = Hits.uninitialised(shape)
+        hits = Hits.uninitialised(shape, options.get("normals", False))
         if packing is None:
             return hits
         wp = start_warp()
@@ -150,7 +162,8 @@ class RayCaster:
         )
         if flags:  # raises where there is something wrong with the rays
             o, d = rays.rays() if isinstance(rays, Spots) else rays
-            self._checked(np.broadcast_to(o, d.shape), d, range_max)
+            o, d = np.broadcast_arrays(o, d)
+            self._checked(o, d, range_max)
         return hits
 
     def _checked(self, origins: ArrayLike, directions: ArrayLike, range_max: float) -> tuple[F64, F64]:
@@ -182,7 +195,7 @@ class RayCaster:
         from swath.rays.kernel.cast import BLOCK
 
         rays = [self.scene.share(wp, o, wp.vec3d), self.scene.share(wp, d, wp.vec3d)]
-        kinds = (wp.float32, wp.uint8, wp.float32, wp.float32)
+        kinds = (wp.float32, wp.uint8, wp.float32, wp.float32, wp.vec3)
         out = [self.scene.share(wp, a, kind) for a, kind in zip(hits.arrays, kinds, strict=True)]
 
         def run(first: int, count: int) -> None:

@@ -47,12 +47,13 @@ F32 = NDArray[np.float32]
 
 class CastOptions(TypedDict, total=False):
     """range_max: rays end there [m]; solids: what stands in the field besides crop; t: time [ns], default 0,
-    which matters in wind alone.
+    which matters in wind alone; normals: whether hits have them, default no.
     """
 
     range_max: Required[float]
     solids: Solids | None
     t: int
+    normals: bool
 
 
 @dataclass(frozen=True)
@@ -61,18 +62,21 @@ class Hits:
 
     distance [m], nan = nothing within range; organ: `memory_layout.Organ`; cosine: |cos| of the incidence
     angle; reflectance of what was hit at 905 nm; the last three are 0 where nothing was hit
+    normal: unit normal on the side that was hit, world (..., 3), 0 where nothing was; (0, 3) unless asked for
     """
 
     distance: F32
     organ: NDArray[np.uint8]
     cosine: F32
     reflectance: F32
+    normal: F32
 
     @staticmethod
-    def uninitialised(shape: tuple[int, ...]) -> "Hits":
+    def uninitialised(shape: tuple[int, ...], normals: bool = False) -> "Hits":
         """Arrays that a kernel is about to fill."""
         distance, cosine, reflectance = (np.empty(shape, np.float32) for _ in range(3))
-        return Hits(distance, np.empty(shape, np.uint8), cosine, reflectance)
+        normal = np.empty((*(shape if normals else (0,)), 3), np.float32)
+        return Hits(distance, np.empty(shape, np.uint8), cosine, reflectance, normal)
 
     @property
     def is_hit(self) -> NDArray[np.bool_]:
@@ -82,9 +86,10 @@ class Hits:
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
-        """distance, organ, cosine, reflectance."""
-        return self.distance, self.organ, self.cosine, self.reflectance
+        """distance, organ, cosine, reflectance, normal."""
+        return self.distance, self.organ, self.cosine, self.reflectance, self.normal
 
     def reshaped(self, shape: tuple[int, ...]) -> "Hits":
         """The same hits in another shape."""
-        return Hits(*(a.reshape(shape) for a in self.arrays))
+        shapes = *[shape] * 4, (*(shape if self.normal.size else (0,)), 3)
+        return Hits(*(a.reshape(s) for a, s in zip(self.arrays, shapes, strict=True)))

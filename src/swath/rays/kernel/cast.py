@@ -8,6 +8,7 @@ from swath.rays.kernel.scene import (
     Ray,
     Scene,
     SolidArrays,
+    facing,
     floor_div,
     no_hit,
     page_slot,
@@ -71,6 +72,7 @@ def hit_solids(solids: SolidArrays, o: wp.vec3d, d: wp.vec3, hit: Hit) -> Hit:
                 hit.organ = SOLID
                 hit.cosine = wp.min(1.0, wp.abs(wp.dot(n, v)) / wp.max(wp.length(n), 1.0e-20))
                 hit.reflectance = solids.reflectance[i]
+                hit.normal = axes * n
     return hit
 
 
@@ -123,6 +125,7 @@ def cross_ground(
             hit.organ = wp.where(depth > STRAW_DEPTH, STRAW, GROUND)
             hit.cosine = wp.abs(wp.dot(n, ray.d)) / wp.length(n)
             hit.reflectance = scene.reflectance[hit.organ]
+            hit.normal = n
             break
         if leave >= t1:
             break
@@ -263,6 +266,7 @@ def cast(
     organ: wp.array(dtype=wp.uint8),
     cosine: wp.array(dtype=float),
     reflectance: wp.array(dtype=float),
+    normal: wp.array(dtype=wp.vec3),
 ):
     i = first + wp.tid()
     o = origins[i]
@@ -277,3 +281,10 @@ def cast(
     organ[i] = wp.uint8(hit.organ)
     cosine[i] = hit.cosine
     reflectance[i] = hit.reflectance
+    if normal.shape[0] > 0:
+        n = hit.normal
+        if hit.organ != SOLID:
+            c = float(scene.turn[0])
+            s = float(scene.turn[1])
+            n = wp.vec3(c * n[0] - s * n[1], s * n[0] + c * n[1], n[2])
+        normal[i] = facing(n, wp.vec3(v))

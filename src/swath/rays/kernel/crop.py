@@ -145,13 +145,12 @@ def cut_back(r: Local, touch: Touch, radius: float) -> Touch:
 
 
 @wp.func
-def world_cosine(ray: Ray, tile: Tile, r: Local, n: wp.vec3) -> float:
-    """|cos| between the ray and a normal n of the prototype: normals go back by the inverse transpose."""
+def stand_normal(tile: Tile, r: Local, n: wp.vec3) -> wp.vec3:
+    """A normal n of the prototype in the stand frame: by the inverse transpose."""
     x = n[0] * r.mirror[0]
     y = n[1] * r.mirror[1]
     lift = (n[2] - x * tile.stand[1] - y * tile.stand[2]) * r.squeeze
-    g = wp.vec3(x - lift * tile.plane[1], y - lift * tile.plane[2], lift)
-    return wp.min(1.0, wp.abs(wp.dot(g, ray.d)) / wp.max(wp.length(g), 1.0e-20))
+    return wp.vec3(x - lift * tile.plane[1], y - lift * tile.plane[2], lift)
 
 
 @wp.func
@@ -255,7 +254,9 @@ def cross_crop(scene: Scene, ray: Ray, tile: Tile, span: wp.vec4, hit: Hit) -> H
     if organ > 0:
         hit.t = r.start + best / r.stretch
         hit.organ = organ
-        hit.cosine = world_cosine(ray, tile, r, normal)
+        g = stand_normal(tile, r, normal)
+        hit.normal = g
+        hit.cosine = wp.min(1.0, wp.abs(wp.dot(g, ray.d)) / wp.max(wp.length(g), 1.0e-20))
         hit.reflectance = scene.reflectance[organ]
         if own > 0.0:
             hit.reflectance = own

@@ -91,12 +91,16 @@ class Ray:
 
 @wp.struct
 class Hit:
-    """Nearest hit so far. t [m]; organ; cosine of the incidence angle; reflectance."""
+    """Nearest hit so far. t [m]; organ; cosine of the incidence angle; reflectance.
+
+    normal: of any length, of solids in the world, else in the stand frame
+    """
 
     t: float
     organ: int
     cosine: float
     reflectance: float
+    normal: wp.vec3
 
 
 @wp.func
@@ -193,3 +197,12 @@ def to_stand(scene: Scene, o: wp.vec3d, v: wp.vec3d) -> Ray:
         plane_offset(ray.o[0], ray.d[0]), plane_offset(ray.o[1], ray.d[1]), plane_offset(ray.o[2], ray.d[2])
     )
     return ray
+
+
+@wp.func
+def facing(n: wp.vec3, d: wp.vec3) -> wp.vec3:
+    """A normal of unit length against a direction; none of no length."""
+    side = wp.normalize(n)
+    if wp.dot(side, d) > 0.0:
+        return -side
+    return side

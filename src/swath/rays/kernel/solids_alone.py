@@ -3,7 +3,7 @@
 import warp as wp
 
 from swath.rays.kernel.cast import hit_solids
-from swath.rays.kernel.scene import SolidArrays, no_hit
+from swath.rays.kernel.scene import SolidArrays, facing, no_hit
 
 
 @wp.kernel(enable_backward=False)
@@ -17,6 +17,7 @@ def cast_solids(
     organ: wp.array(dtype=wp.uint8),
     cosine: wp.array(dtype=float),
     reflectance: wp.array(dtype=float),
+    normal: wp.array(dtype=wp.vec3),
 ):
     i = first + wp.tid()
     hit = hit_solids(solids, origins[i], wp.vec3(directions[i]), no_hit(range_max))
@@ -27,3 +28,5 @@ def cast_solids(
     organ[i] = wp.uint8(hit.organ)
     cosine[i] = hit.cosine
     reflectance[i] = hit.reflectance
+    if normal.shape[0] > 0:
+        normal[i] = facing(hit.normal, wp.vec3(directions[i]))

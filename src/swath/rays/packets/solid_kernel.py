@@ -3,7 +3,7 @@
 import warp as wp
 
 from swath.rays.kernel.cast import hit_solids
-from swath.rays.kernel.scene import SolidArrays, no_hit
+from swath.rays.kernel.scene import SolidArrays, facing, no_hit
 from swath.rays.packets.kernel import OPTIONS
 
 wp.set_module_options(OPTIONS)
@@ -20,6 +20,7 @@ def hit_nearest_solid(
     organ: wp.array(dtype=wp.uint8),
     cosine: wp.array(dtype=float),
     reflectance: wp.array(dtype=float),
+    normal: wp.array(dtype=wp.vec3),
 ):
     """Nearest solid of each ray, range_max and organ 0 without one: what the traversal starts with."""
     i = first + wp.tid()
@@ -28,3 +29,5 @@ def hit_nearest_solid(
     organ[i] = wp.uint8(hit.organ)
     cosine[i] = hit.cosine
     reflectance[i] = hit.reflectance
+    if normal.shape[0] > 0:
+        normal[i] = facing(hit.normal, wp.vec3(directions[i]))

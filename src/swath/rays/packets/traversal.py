@@ -126,9 +126,12 @@ F64 = NDArray[np.float64]
 RAYS_PER_TASK = 2048  # fewer are not worth another thread
 JOB = np.dtype(  # as in native/rays.cpp
     [(name, np.int64) for name in ("origins", "directions", "spots", "order", "first")]
-    + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance")]
+    + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance", "normal")]
     + [(name, np.int64) for name in ("solid", "solid_organ", "solid_cosine", "solid_reflectance")]
-    + [(name, np.int64) for name in ("lanes", "groups", "sub_rays", "row", "spot_step", "origin_step")]
+    + [
+        (name, np.int64)
+        for name in ("lanes", "groups", "sub_rays", "row", "spot_step", "origin_step", "direction_step")
+    ]
     + [(name, np.int64) for name in ("next", "flags")]
     + [("range_max", np.float64)]
 )
@@ -175,13 +178,14 @@ class PacketTraversal:
         """Fill `hits`, (rays,), within range_max [m].
 
         scene, version: as the kernels read it, a new version where it has changed; rays: origins and
-        directions (..., 3), contiguous, one origin (3,) for all, or spots; solids: as the kernels read them,
-        None = none, and none with spots or one origin. Returns error flags, of which any asks for a closer
+        directions (..., 3), contiguous, one of them (3,) for all, or spots; solids: as the kernels read them,
+        None = none, and none with spots. Returns error flags, of which any asks for a closer
         look at the rays: 1 = some are not finite or not of unit length, of which nothing is known; 2 = some
         start where no page is known, or below the highest thing there, which are cast all the same.
         """
         wp = start_warp()
-        before = () if solids is None else self._hit_solids(wp, solids, rays, range_max, hits)
+        if solids is not None:
+            self._hit_solids(wp, solids, rays, range_max, hits)
         spots, subs, step = 0, 1, 0
         if not isinstance(rays, Spots):
             starts, ways = rays
@@ -190,9 +194,18 @@ class PacketTraversal:
             starts, ways, spots, subs = rays.origins, rays.axes, address(offsets), offsets.shape[1]
             step = 0 if len(offsets) == 1 else 5 * subs
         kept = np.ascontiguousarray(starts, np.float64), np.ascontiguousarray(ways, np.float64)
-        o, d, *held = map(address, (*kept, *hits.arrays, *before))
-        places = (o, d, spots, *packing.addresses, *held, *[0] * (8 - len(held)))
-        sizes = packing.lanes, packing.group_count, subs, packing.row, step, 3 * (starts.ndim > 1)
+        held = [address(a) if a.size else 0 for a in hits.arrays]
+        before = [0] * 4 if solids is None else held[:4]
+        places = (*map(address, kept), spots, *packing.addresses, *held, *before)
+        sizes = (
+            packing.lanes,
+            packing.group_count,
+            subs,
+            packing.row,
+            step,
+            3 * (starts.ndim > 1),
+            3 * (ways.ndim > 1),
+        )
         self._job[0] = (*places, *sizes, 0, 0, range_max)
         self._prepare(wp, scene, version)
         parts = min(self._pool.threads, packing.group_count, len(hits.organ) // RAYS_PER_TASK)
@@ -211,14 +224,13 @@ class PacketTraversal:
             self._launch.set_param_at_index(0, scene)
         self._version = version
 
-    def _hit_solids(
-        self, wp: Any, solids: Any, rays: Any, range_max: float, hits: Hits
-    ) -> tuple[NDArray[Any], ...]:
+    def _hit_solids(self, wp: Any, solids: Any, rays: Any, range_max: float, hits: Hits) -> None:
         """Nearest solid of every ray, in the memory of the hits."""
         from swath.rays.packets.solid_kernel import hit_nearest_solid
 
-        kinds = (wp.vec3d, wp.vec3d, wp.float32, wp.uint8, wp.float32, wp.float32)
-        arrays = (*(a.reshape(-1, 3) for a in rays), *hits.arrays)
+        kinds = (wp.vec3d, wp.vec3d, wp.float32, wp.uint8, wp.float32, wp.float32, wp.vec3)
+        each = (np.ascontiguousarray(np.broadcast_to(a.reshape(-1, 3), (hits.organ.size, 3))) for a in rays)
+        arrays = (*each, *hits.arrays)
         shared = [
             wp.array(a, dtype=kind, device="cpu", copy=False) for a, kind in zip(arrays, kinds, strict=True)
         ]
@@ -228,4 +240,3 @@ class PacketTraversal:
             wp.launch(hit_nearest_solid, dim=count, inputs=inputs, device="cpu")
 
         self._pool.split(len(hits.organ), RAYS_PER_TASK, run)
-        return hits.arrays

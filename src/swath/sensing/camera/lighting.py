@@ -25,7 +25,7 @@ from swath.field.memory_layout import Organ, Solids
 from swath.field.wetness import darkened
 from swath.rays.device import ThreadPool, start_warp
 from swath.rays.engine import RayCaster
-from swath.rays.hits import Hits
+from swath.rays.hits import CastOptions, Hits
 from swath.sensing.camera.instances import Instances
 from swath.sensing.camera.lamps import Lamp
 from swath.sensing.camera.orthophoto import Orthophoto
@@ -67,8 +67,8 @@ def _shared(wp: Any, array: NDArray[Any], kind: Any) -> Any:
 
 
 SHADOW_REACH = 8.0  # nothing further from a surface than this throws a shadow on it [m]
-SKIN = 0.02  # without shadows: how far from the surface the ray from the sun starts [m]
-SAME_PLACE = 5e-4  # a ray from the sun that ends this near to where it should has met the surface seen [m]
+SAME_PLACE = 5e-4  # a ray from the sun that meets nothing before this gets to the surface seen [m]
+THIN = Organ.LEAF, Organ.WEED  # lit by the sun from behind as from before: own choice
 CANOPY = (164, 149, 96)  # mean colour of crop too far away for rays, in the sun, own choice
 CANOPY_COSINE = 0.6  # of its parts to the sun, on average, shadows counted as 0; own choice
 CLEAR_AIR = 2e-4  # extinction of clear air, visibility 20 km [1/m]: for what is beyond the reach of rays
@@ -105,6 +105,33 @@ class LightSetup:
     film: float = 0.0
 
 
+@dataclass(frozen=True)
+class Surfaces:
+    """What samples (rows, columns) hit, n of them.
+
+    seen: which hit something, (rows, columns)
+    distance: along the ray [m], (n,)
+    points, normals: (n, 3), world
+    is_thin: whether the sun shines through, (n,)
+    """
+
+    seen: NDArray[np.bool_]
+    distance: F64
+    points: F64
+    normals: NDArray[np.float32]
+    is_thin: NDArray[np.bool_]
+
+
+def surfaces_of(hits: Hits, origins: F64, directions: F64) -> Surfaces:
+    """What rays hit; origins: (3,) or as directions (rows, columns, 3)."""
+    at = np.flatnonzero(hits.is_hit)
+    distance = hits.distance.ravel()[at].astype(np.float64)
+    points = distance[:, None] * directions.reshape(-1, 3)[at]
+    points += origins if origins.ndim == 1 else origins.reshape(-1, 3)[at]
+    thin = _IS_THIN[hits.organ.ravel()[at]]
+    return Surfaces(hits.is_hit, distance, points, hits.normal.reshape(-1, 3)[at], thin)
+
+
 class Lighting:
     """Makes light of hits. ray_count: rays towards sun and lamps so far."""
 
@@ -124,21 +151,19 @@ class Lighting:
         lamps: Sequence[Lamp] = (),
     ) -> F64:
         """Linear light (rows, columns, 3) along rays; origins: (3,) or as directions (rows, columns, 3)."""
-        day = self.setup.day
-        light, seen = np.empty(directions.shape), hits.is_hit
+        day, on = self.setup.day, surfaces_of(hits, origins, directions)
+        light, seen = np.empty(directions.shape), on.seen
         starts = np.broadcast_to(origins, directions.shape)
         far, sky = ~seen & (directions[..., 2] < 0.0), ~seen & (directions[..., 2] >= 0.0)
         light[sky] = day.sky_at(directions[sky])
         if far.any():
             light[far] = self._backdrop(starts[far], directions[far])
-        distance = hits.distance[seen].astype(np.float64)
-        points = starts[seen] + distance[:, None] * directions[seen]
-        colours = self._surface(hits, seen, points, distance, things)
-        lit = day.on(self._shared_cosine(seen, points, things.solids, caster, t))
+        colours = self._surface(hits, seen, on.points, on.distance, things)
+        lit = day.on(on.normals, self._cosine(on, things.solids, caster, t))
         for lamp, pose in lamps:
-            cosine = self._shared_cosine(seen, points, things.solids, caster, t, pose.position)
-            away = np.linalg.norm(points - pose.position, axis=1)
-            lux = lamp.lux(pose, points) * cosine * portable.exp(-self.setup.extinction * away)
+            cosine = self._cosine(on, things.solids, caster, t, pose.position)
+            away = np.linalg.norm(on.points - pose.position, axis=1)
+            lux = lamp.lux(pose, on.points) * cosine * portable.exp(-self.setup.extinction * away)
             lit += lux[:, None] * day.lux
         light[seen] = colours * lit
         if self.setup.extinction > 0.0 or self._is_dusty:
@@ -149,10 +174,7 @@ class Lighting:
         self, hits: Hits, origins: F64, directions: F64, things: Instances, caster: RayCaster, t: int
     ) -> F64:
         """Cosines (n,) of the angle to the sun of what was hit, 0 in shadow."""
-        seen = hits.is_hit
-        points = np.broadcast_to(origins, directions.shape)[seen]
-        points = points + hits.distance[seen].astype(np.float64)[:, None] * directions[seen]
-        return self._shared_cosine(seen, points, things.solids, caster, t)
+        return self._cosine(surfaces_of(hits, origins, directions), things.solids, caster, t)
 
     def _surface(
         self, hits: Hits, seen: NDArray[np.bool_], points: F64, distance: F64, things: Instances
@@ -205,7 +227,7 @@ class Lighting:
             at = starts + distance[:, None] * directions
             photo = s.photo.colours(at[:, 0], at[:, 1])
             colours = np.where(np.isnan(photo), colours, photo)
-        light = colours * s.day.on(np.array([CANOPY_COSINE * max(float(s.day.toward[2]), 0.0) ** 0.5]))
+        light = colours * (s.day.sky + CANOPY_COSINE * max(float(s.day.toward[2]), 0.0) ** 0.5 * s.day.sun)
         clear = portable.exp(-CLEAR_AIR * distance)[:, None]
         return np.asarray(clear * light + (1.0 - clear) * s.day.sky_at(directions))
 
@@ -249,52 +271,71 @@ class Lighting:
                 depth += weight_down * weight_right * haze.depth(path, row * across + column)
         return depth
 
-    def _shared_cosine(
-        self,
-        seen: NDArray[np.bool_],
-        points: F64,
-        solids: Solids,
-        caster: RayCaster,
-        t: int,
-        lamp: F64 | None = None,
+    def _cosine(
+        self, on: Surfaces, solids: Solids, caster: RayCaster, t: int, lamp: F64 | None = None
     ) -> F64:
-        """As `_cosine`, of samples seen (rows, columns), where several share the ray of the first."""
+        """Cosines (n,) of the angle between surfaces and a lamp at (3,), none = the sun, 0 in shadow."""
+        count, day = len(on.points), self.setup.day
+        if lamp is None and not day.sun.any():
+            return np.zeros(count)
+        away = day.toward[None] if lamp is None else lamp - on.points
+        far = np.linalg.norm(away, axis=1)
+        toward = away / np.maximum(far, SAME_PLACE)[:, None]
+        cosine: F64 = np.einsum("ij,ij->i", on.normals, np.broadcast_to(toward, on.points.shape))
+        cosine = np.maximum(np.where(on.is_thin, np.abs(cosine), cosine), 0.0)
+        if not self.setup.shadows:
+            return cosine
+        asking, answer = self._sharing(on.seen, cosine > 0.0)
+        length = np.full(1, SHADOW_REACH)
+        if lamp is not None:
+            toward, length = toward[asking], np.minimum(far[asking], SHADOW_REACH)
+        is_lit = np.append(self._is_lit(on.points[asking], toward, length, caster, solids, t), False)
+        return np.asarray(np.where(is_lit[answer], cosine, 0.0))
+
+    def _sharing(
+        self, seen: NDArray[np.bool_], faces: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Which of the n samples seen (rows, columns) ask for a ray to a lamp, of those that face it (n,).
+
+        And whose answer each takes, (n,), as a place in these, -1 = none.
+        """
         if self.setup.shared == 1:
-            return self._cosine(points, solids, caster, t, lamp)
-        number = np.full(seen.shape, len(points))  # of the point of each sample
-        number[seen] = np.arange(len(points))
+            asking = np.flatnonzero(faces)
+            answer = np.full(len(faces), -1)
+            answer[asking] = np.arange(len(asking))
+            return asking, answer
+        number = np.full(seen.shape, len(faces))
+        number[seen] = np.where(faces, np.arange(len(faces)), len(faces))
         side, (rows, columns) = self.setup.per_side, seen.shape
         pixels = number.reshape(rows // side, side, columns // side, side).swapaxes(1, 2)
         groups = pixels.reshape(-1, self.setup.shared)
         first = groups.min(axis=1)
-        chosen = first[first < len(points)]
-        cosine = np.zeros(len(points) + 1)
-        cosine[chosen] = self._cosine(points[chosen], solids, caster, t, lamp)
-        given = cosine[first]
-        cosine[groups.ravel()] = np.repeat(given, self.setup.shared)
-        return cosine[:-1]
+        asks = first < len(faces)
+        answer = np.full(len(faces) + 1, -1)
+        answer[groups.ravel()] = np.repeat(np.where(asks, np.cumsum(asks) - 1, -1), self.setup.shared)
+        return first[asks], answer[:-1]
 
-    def _cosine(self, points: F64, solids: Solids, caster: RayCaster, t: int, lamp: F64 | None) -> F64:
-        """Cosine of the angle between the surfaces at points (n, 3) and a lamp at (3,), none = the sun, 0 in
-        shadow.
+    def _is_lit(
+        self, points: F64, toward: F64, length: F64, caster: RayCaster, solids: Solids, t: int
+    ) -> NDArray[np.bool_]:
+        """Whether nothing stands on the ways from points (n, 3) along toward, (n, 3) or (1, 3) for all, of a
+        length (n,) or (1,) [m]; what begins under the ground is dark.
         """
-        cosine, day = np.zeros(len(points)), self.setup.day
-        reach = SHADOW_REACH if self.setup.shadows else SKIN
-        if lamp is not None:
-            away = lamp - points
-            far = np.linalg.norm(away, axis=1)
-            toward, length = away / np.maximum(far, SAME_PLACE)[:, None], np.minimum(far, reach)
-        elif day.sun.any():
-            toward, length = np.broadcast_to(day.toward, points.shape), np.full(len(points), reach)
-        else:
-            return cosine
-        starts = points + length[:, None] * toward
-        free = np.flatnonzero(starts[:, 2] >= self._field.ground_height(starts[:, 0], starts[:, 1]))
-        if len(free) == 0:
-            return cosine
-        range_max = float(length.max()) + SAME_PLACE
-        found = caster.cast(starts[free], -toward[free], range_max=range_max, solids=solids, t=t)
-        self.ray_count += len(free)
-        is_lit = np.abs(found.distance - length[free].astype(np.float32)) < SAME_PLACE
-        cosine[free[is_lit]] = found.cosine[is_lit]
-        return cosine
+        starts, is_free = points + length[:, None] * toward, np.ones(len(points), dtype=bool)
+        low = np.flatnonzero(starts[:, 2] <= self._field.pages.ground.max())
+        is_free[low] = starts[low, 2] >= self._field.ground_height(starts[low, 0], starts[low, 1])
+        if not is_free.all():
+            starts = starts[is_free]
+            toward, length = (a if len(a) == 1 else a[is_free] for a in (toward, length))
+        if len(starts):
+            self.ray_count += len(starts)
+            options: CastOptions = {"range_max": float(length.max()), "solids": solids, "t": t}
+            if len(toward) == 1:
+                found = caster.cast_parallel(starts, -toward[0], **options)
+            else:
+                found = caster.cast(starts, -toward, **options)
+            is_free[is_free] = ~(found.distance < (length - SAME_PLACE).astype(np.float32))
+        return is_free
+
+
+_IS_THIN = np.isin(np.arange(len(Organ)), THIN)

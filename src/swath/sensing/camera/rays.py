@@ -77,11 +77,13 @@ def over_moving(
             continue
         back = late.ravel()[chosen, None] * velocity
         eyes = np.broadcast_to(origins, directions.shape).reshape(-1, 3)[chosen] - back
-        found = caster.cast_solids(eyes, directions.reshape(-1, 3)[chosen], range_max=reach, solids=solids)
+        found = caster.cast_solids(
+            eyes, directions.reshape(-1, 3)[chosen], range_max=reach, solids=solids, normals=True
+        )
         before = made.distance.ravel()[chosen]
         nearer = found.is_hit & ~(before <= found.distance)  # before: nan = nothing
         for array, there in zip(made.arrays, found.arrays, strict=True):
-            array.reshape(-1)[chosen[nearer]] = there[nearer]
+            array.reshape(len(starts) * starts.shape[1], *there.shape[1:])[chosen[nearer]] = there[nearer]
         starts.reshape(-1, 3)[chosen[nearer]] = eyes[nearer]
     return made, starts
 
@@ -342,7 +344,7 @@ class SceneCamera(KeepsState):
         things = instances_of(bodies.in_sight(self.setup.name, itself=own))
         moving = [] if late is None else things.moving
         solids = things.standing if moving else things.solids
-        hits = self.caster.cast_image(origins, directions, range_max=reach, solids=solids, t=t)
+        hits = self.caster.cast_image(origins, directions, range_max=reach, solids=solids, t=t, normals=True)
         if late is not None and moving:
             hits, origins = over_moving(self.caster, hits, origins, directions, late, moving, reach)
         self._casts += hits.organ.size

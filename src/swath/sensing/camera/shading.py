@@ -1,6 +1,8 @@
 """What colour a surface has in the light of sun and sky: Lambert's cosine law, sRGB at the end.
 
-A surface of colour c sends c (sky + sun cos a), a between its normal and the sun, 0 in shadow; sun and sky as
+A surface of colour c sends c (E + sun cos a), a between its normal and the sun, 0 in shadow; E comes from the
+half space before it: of the sky, and of level ground of dry soil in sun and sky, as far as it looks down (an
+integral in steps, interpolated between normals; nothing stands in the way of it). Sun and sky are as
 `field/light.py` has them, each in three bands of colour. White is a plate across the sun at 45 deg. A picture
 is exposed for the clear day: a white plate across the sun, or in twilight four times the sky's light on level
 ground, or by night one 6 m before the brightest lamp, is 1 / FULL. So evening light is gold and shadows are
@@ -11,6 +13,7 @@ that it sends the light of the sky on level ground; towards the horizon its colo
 of the air goes up (Rayleigh's by Hansen and Travis 1974, aerosol's of the table of the light).
 """
 
+from functools import cache
 from math import cos, pi, sin
 from typing import Any
 
@@ -23,6 +26,7 @@ from swath.core.units import DEG
 from swath.field.light import Light, light
 from swath.field.memory_layout import Organ
 from swath.field.weather import Sun
+from swath.kernels import shared, start_warp
 from swath.sensing.camera.lamps import irradiance_per_lux
 from swath.signals import F64
 
@@ -51,6 +55,7 @@ WAVELENGTHS = (620e-9, 540e-9, 460e-9)  # middle of the bands of red, green and 
 WHITE_SUN = 45.0 * DEG  # the elevation of a sun that is white
 TWILIGHT = 4.0  # a picture in twilight is exposed for so much light of the sky
 DEPTHS = np.array([0.179, 0.245, 0.373])  # of the air in red, green and blue, straight up
+BANDS, NORMALS = 16, 33  # of the sky from the horizon up; along a side of the table of normals
 NODES = np.linspace(-1.0, 1.0, 1025)  # sines and cosines of the tables of the sky
 
 
@@ -98,16 +103,31 @@ class Daylight:
         self.sun, self.sky, self.lux = (x * scale for x in (bands(now, now.sun), bands(now, now.sky), lux))
         self._cloud = cloud
         self._clear = np.ones(3)
-        middles = (np.arange(12) + 0.5) / 12.0  # sines, of bands of one size
-        around = (np.arange(24) + 0.5) * (pi / 12.0)
-        flat = np.sqrt(1.0 - middles**2)
-        grid = np.stack(np.broadcast_arrays(flat[:, None] * np.cos(around), flat[:, None] * np.sin(around),
-                                            middles[:, None]), axis=-1)  # fmt: skip
-        self._clear = 2.0 * (self._shape(grid, grid[..., 2]) * grid[..., 2:]).mean(axis=(0, 1))
+        upward, normals, weights = _half_spaces()
+        self._clear = 2.0 * (self._shape(upward, upward[:, 2]) * upward[:, 2:]).mean(axis=0)
+        ground = linear(COLOURS[Organ.GROUND]) * (self.sky + self.sun * max(float(self.toward[2]), 0.0))
+        above = [np.einsum("nd,d->n", weights, column) for column in self.sky_at(upward).T]
+        below = 0.5 - 0.5 * normals[..., 2:]
+        self._around = (np.stack(above, axis=-1).reshape(normals.shape) + below * ground).astype(np.float32)
 
-    def on(self, sun_cosine: F64) -> F64:
-        """Light on surfaces (n, 3); sun_cosine: of the angle to the sun, 0 in shadow, (n,)."""
-        return np.asarray(self.sky + sun_cosine[:, None] * self.sun)
+    def on(self, normals: NDArray[np.float32], sun_cosine: F64) -> F64:
+        """Light on surfaces (n, 3) with unit normals (n, 3).
+
+        sun_cosine: of the angle to the sun, 0 in shadow, (n,)
+        """
+        wp, found = start_warp(), np.empty((len(normals), 3))
+        from swath.sensing.camera.sky_kernel import light_on
+
+        if len(found):
+            given = (
+                (normals, wp.vec3),
+                (sun_cosine, wp.float64),
+                (self._around, wp.vec3),
+                (self.sun[None], wp.vec3d),
+            )
+            arrays = [shared(np.ascontiguousarray(a), kind) for a, kind in (*given, (found, wp.vec3d))]
+            wp.launch(light_on, dim=len(found), inputs=arrays, device="cpu")
+        return found
 
     def sky_at(self, directions: F64) -> F64:
         """Linear light (..., 3) of the sky in directions (..., 3); at the horizon below it."""
@@ -121,6 +141,27 @@ class Daylight:
         near = np.interp(np.einsum("...k,k", directions, self.toward), NODES, _INDICATRIX)
         deep = [np.interp(up, NODES, column) for column in _GRADATION]
         return np.asarray(near[..., None] * np.stack(deep, axis=-1))
+
+
+@cache
+def _half_spaces() -> tuple[F64, F64, F64]:
+    """Directions upward (n, 3), each for an equal part of the sky; normals (NORMALS, NORMALS, 3) on an
+    octahedron that is folded open (Cigolle et al. 2014); weights (NORMALS^2, n) of directions on these.
+    """
+    middles = (np.arange(BANDS) + 0.5) / BANDS  # sines, of bands of one size
+    turn = (np.arange(2 * BANDS) + 0.5) * (pi / BANDS)
+    flat = np.sqrt(1.0 - middles**2)[:, None]
+    upward = np.stack(
+        np.broadcast_arrays(flat * np.cos(turn), flat * np.sin(turn), middles[:, None]), axis=-1
+    )
+    y, x = np.meshgrid(*[np.linspace(-1.0, 1.0, NORMALS)] * 2, indexing="ij")
+    z = 1.0 - np.abs(x) - np.abs(y)
+    fold = np.maximum(-z, 0.0)
+    normals = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1)[..., None]
+    upward = upward.reshape(-1, 3)
+    cosine = np.einsum("ijk,dk->ijd", normals, upward).reshape(-1, len(upward))
+    return upward, normals, np.maximum(cosine, 0.0) * (2.0 / len(upward))
 
 
 def encode(light: F64) -> NDArray[np.uint8]:

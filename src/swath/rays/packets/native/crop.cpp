@@ -160,7 +160,7 @@ struct Crop : Tiles {
     }
     flush();
   }
-  int slab_of(float x) const { return axis == 2 ? bin_of(x) : down(x * per_cell[axis]); }
+  int slab_of(float x) const { return axis == 2 ? bin_of(x) / BINS : down(x * per_cell[axis]); }
   int bin_of(float z) const {
     const int i = down(z * per_cell[2]);
     return i < 0 ? 0 : i >= index.bins ? index.bins - 1 : i;
@@ -255,8 +255,9 @@ struct Crop : Tiles {
 
   // A slab of columns: which columns and bins the packets pass, widened by the extent of pieces
   void cross_slab(int i) {
-    const float x0 = axis == 2 && i == 0 ? -FAR : i * cell[axis] - wide[axis];
-    const float x1 = axis == 2 && i == index.bins - 1 ? FAR : (i + 1) * cell[axis] + wide[axis];
+    const int bin0 = i * BINS, bin1 = bin0 + BINS < index.bins ? bin0 + BINS - 1 : index.bins - 1;  // of one that lies flat
+    const float x0 = axis != 2 ? i * cell[axis] - wide[axis] : i == 0 ? -FAR : bin0 * cell[2] - wide[2];
+    const float x1 = axis != 2 ? (i + 1) * cell[axis] + wide[axis] : bin1 == index.bins - 1 ? FAR : (bin1 + 1) * cell[2] + wide[2];
     int j0 = SPAN, j1 = -1;
     for (int w = 0; w < active_count; w += N) pass_slab(w, x0, x1, &j0, &j1);
     for (int s = j0; s <= j1; ++s) {
@@ -270,8 +271,8 @@ struct Crop : Tiles {
         const int kx = per(cx, index.columns), ky = per(cy, index.columns);
         const float top = live_top(cx, cy), tallest = top + wide[2];
         const int column = (tile.kind * index.columns + cy - ky * index.columns) * index.columns + cx - kx * index.columns;
-        if (tallest < (axis == 2 ? i * cell[2] : c0)) continue;
-        const int low = axis == 2 ? i : bin_of(c0), high = axis == 2 ? i : bin_of(lower(c1, tallest));
+        if (tallest < (axis == 2 ? bin0 * cell[2] : c0)) continue;
+        const int low = axis == 2 ? bin0 : bin_of(c0), high = axis == 2 ? bin1 : bin_of(lower(c1, tallest));
         const int* start = index.start.data + column * index.bins;
         queue({start[low], start[high + 1], kx, ky, top});
       }
@@ -354,8 +355,9 @@ struct Crop : Tiles {
         auto along = [&](int row, const F* x) -> F { return n[row][0] * x[0] + n[row][1] * x[1] + n[row][2] * x[2] + off[row]; };
         F wa = along(0, f), wb = along(0, f + 3), ua = along(1, f), ub = along(1, f + 3), va = along(2, f), vb = along(2, f + 3);
         F near = least(wa, wb) - thick * depth_gain_step - ROUND;
+        if (is_parallel) wa = wb = put(1.0f);
         F both = 1.0f / (wa * wb), ia = both * wb, iz = both * wa, nearer = most(ia, iz), thin = (thick * depth_gain_step + ROUND) * nearer;
-        I inside = every() < run.last - i, close = (near < 0.05f) | (thin > 0.25f);
+        I inside = every() < run.last - i, close = is_parallel ? I{} : (near < 0.05f) | (thin > 0.25f);
         F inv = 0.5f * (ia + iz), most_inv = nearer * (1.0f + 1.34f * thin);  // at least 1 / near
         ua *= ia; va *= ia; ub *= iz; vb *= iz;
         F u = 0.5f * (ua + ub), v = 0.5f * (va + vb), hu = 0.5f * (ub - ua), hv = 0.5f * (vb - va);
@@ -461,7 +463,7 @@ struct Crop : Tiles {
     }
     return pairs;
   }
-  int narrow_down(int asked) { return starts_at_one() ? lanes_beside(asked, true) : lanes_beside(asked, false); }
+  int narrow_down(int asked) { return starts_at_one() || is_parallel ? lanes_beside(asked, true) : lanes_beside(asked, false); }
   void settle(int pairs) {
     for (int i = 0, next; i < pairs; i = next) {
       const int n = pair[i] / VECTORS;

@@ -4,11 +4,12 @@ struct Job {  // as JOB in traversal.py
   const double *origins, *directions;                        // of all rays, (rays, 3), origins also one for all, or, with spots,
   const double* spots;                                       // of all beams (beams, 3), (beams, 3, 3): as Spots.offsets
   const int *order, *first;                                  // the rays, group after group, null = as they come; first of each group
-  float* distance; unsigned char* organ; float *cosine, *reflectance;  // out, per ray
-  const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null
+  float* distance; unsigned char* organ; float *cosine, *reflectance, *normal;  // out, per ray; normal or null
+  const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null; its normal is out already
   long long lanes, groups, sub_rays;              // rays in a vector, at most N
   long long row;                                  // rays in a row of a group of an image, else 0
-  long long spot_step, origin_step;               // from one beam's spots, a ray's origin to the next one's, 0 = the same
+  long long spot_step, origin_step, direction_step;  // from one beam's spots, a ray's origin, its direction to the next one's,
+                                                  // 0 = the same
   long long next, flags;                         // shared by all threads: the next group; what is to be looked at again
   double range_max;
 };
@@ -22,7 +23,7 @@ struct Block {  // N lanes side by side: all that is known of them lies together
   F w0, w1;                     // depth of the ray at t: w0 + w1 t
   F t;                          // nearest so far
   I what;                       // organ, 0 = nothing, -1 = the solid that was there before
-  F cosine, albedo;
+  F cosine, albedo, n[3];       // unit normal in the stand frame, against the ray
   // in the tile at hand: local ray from t = start, per t, where it enters, limit, nearest primitive
   F p[3], q[3], low, limit, start, shrink, end, tin, tout;
   I is_open, prim, image;
@@ -48,6 +49,7 @@ struct Rays : Vectors {
   Job& job;
   SceneRef scene;
   const float size = (float)scene.tile_size;
+  const bool is_parallel = job.direction_step == 0;  // then slopes are places across, and the depth is of no concern
   int taken, packets, vectors;   // its rays; its packets, the vectors of each
   int gx, gy, A;               // the tile it is seen from; tiles go by in rows along this axis of the stand
   double gz, corner[2];        // the height it is seen from; the tile again
@@ -81,12 +83,13 @@ struct Rays : Vectors {
       D o[3], d[3];
       gather(at + n, &some, o, d);
       into_tiles(n, o, d);
+      const unsigned apart = ~bits(together(n)) & ((1u << some) - 1);
+      taken = n + (apart ? __builtin_ctz(apart) : some);
       for (int i = 0; i < 3; ++i) {
+        for (int l = taken - n; apart && l < 8; ++l) o[i][l] = lowest[i];  // the first one's
         low[i] = o[i] < low[i] ? o[i] : low[i];
         high[i] = o[i] > high[i] ? o[i] : high[i];
       }
-      const unsigned apart = ~bits(together(n)) & ((1u << some) - 1);
-      taken = n + (apart ? __builtin_ctz(apart) : some);
       if (apart) break;
     }
     if (is_invalid) __atomic_fetch_or(&job.flags, INVALID, __ATOMIC_RELAXED);
@@ -117,7 +120,7 @@ struct Rays : Vectors {
         d[i] = (axes[3 * i] + f[2] * axes[3 * i + 1] + f[3] * axes[3 * i + 2]) * f[4];
       }
     } else {
-      gather_numbers(job.directions, 3, at, *some, d);
+      gather_numbers(job.directions, job.direction_step, at, *some, d);
       gather_numbers(job.origins, job.origin_step, at, *some, o);
     }
     turn(o);
@@ -180,6 +183,8 @@ struct Rays : Vectors {
     F x = load(come.ox + n) + load(come.tx + n) * size - apex[0], y = load(come.oy + n) + load(come.ty + n) * size - apex[1];
     F z = load(come.oz + n) + load(come.z0 + n) - apex[2];
     F turned = load(come.dx + n) * lead_direction[0] + load(come.dy + n) * lead_direction[1] + load(come.dz + n) * lead_direction[2];
+    const F along = x * lead_direction[0] + y * lead_direction[1] + z * lead_direction[2];
+    if (is_parallel) return (x * x + y * y + z * z - along * along <= SPREAD * SPREAD) & (size_of(along) <= DEEP);
     return (x * x + y * y + z * z <= SPREAD * SPREAD) & (turned >= 1.0f - NARROW);
   }
 
@@ -191,7 +196,13 @@ struct Rays : Vectors {
     for (int n = 0; n < taken; n += N) {
       const F dx = load(come.dx + n), dy = load(come.dy + n), dz = load(come.dz + n);
       const F depth = dx * e[0][0] + dy * e[0][1] + dz * e[0][2];
-      const F u = (dx * e[1][0] + dy * e[1][1] + dz * e[1][2]) / depth, v = (dx * e[2][0] + dy * e[2][1] + dz * e[2][2]) / depth;
+      F u = (dx * e[1][0] + dy * e[1][1] + dz * e[1][2]) / depth, v = (dx * e[2][0] + dy * e[2][1] + dz * e[2][2]) / depth;
+      if (is_parallel) {
+        const F x = load(come.ox + n) + load(come.tx + n) * size, y = load(come.oy + n) + load(come.ty + n) * size;
+        const F z = load(come.oz + n) + load(come.z0 + n);
+        u = x * e[1][0] + y * e[1][1] + z * e[1][2];
+        v = x * e[2][0] + y * e[2][1] + z * e[2][2];
+      }
       store(come.u + n, u);
       store(come.v + n, v);
       const I known = every() < taken - n;
@@ -332,6 +343,11 @@ struct Rays : Vectors {
     F ou = x * e[1][0] + y * e[1][1] + z * e[1][2] - x0 * su, ov = x * e[2][0] + y * e[2][1] + z * e[2][2] - x0 * sv;
     k_.w0 = x0;
     k_.w1 = d0;
+    if (is_parallel) {
+      su = ou;
+      sv = ov;
+      ou = ov = F{};
+    }
     s_.u = su;
     s_.v = sv;
     s_.ou = ou;
@@ -369,6 +385,12 @@ struct Rays : Vectors {
     job.organ[to] = (unsigned char)b.what[l];
     job.cosine[to] = b.cosine[l];
     job.reflectance[to] = b.albedo[l];
+    if (!job.normal || b.what[l] == SOLID) return;
+    const bool some = b.what[l] != 0;
+    const float x = b.n[0][l], y = b.n[1][l], c = (float)scene.turn[0], s = (float)scene.turn[1];
+    job.normal[3 * to] = some ? c * x - s * y : 0.0f;
+    job.normal[3 * to + 1] = some ? s * x + c * y : 0.0f;
+    job.normal[3 * to + 2] = some ? b.n[2][l] : 0.0f;
   }
   void hand_out(const Block& b) const {
     for (unsigned l = bits(b.ray >= 0); l; l &= l - 1) write(b.ray[__builtin_ctz(l)], b, __builtin_ctz(l));

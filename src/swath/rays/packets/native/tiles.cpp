@@ -266,8 +266,9 @@ struct Tiles : Rays {
     const F x = tile.mirror_x ? -n[0] : n[0], y = tile.mirror_y ? -n[1] : n[1];
     const F lift = (n[2] - x * tile.stand[1] - y * tile.stand[2]) * tile.squeeze;
     const F g[3] = {x - lift * tile.plane[1], y - lift * tile.plane[2], lift};
-    const F along = size_of(g[0] * b.dx + g[1] * b.dy + g[2] * b.dz), length = root(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
-    b.cosine = is_here ? least(put(1.0f), along / most(length, put(1.0e-20f))) : b.cosine;
+    const F along = g[0] * b.dx + g[1] * b.dy + g[2] * b.dz, length = most(root(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]), put(1.0e-20f));
+    b.cosine = is_here ? least(put(1.0f), size_of(along) / length) : b.cosine;
+    for (int i = 0; job.normal && i < 3; ++i) b.n[i] = is_here ? g[i] / (along > 0.0f ? -length : length) : b.n[i];
     b.t = is_here ? b.start + b.limit * b.shrink : b.t;
     b.what = is_here ? __builtin_convertvector(f[10], I) : b.what;
     b.albedo = is_here ? f[11] : b.albedo;
@@ -291,7 +292,9 @@ struct Tiles : Rays {
     const float x = tile.mirror_x ? -n[0] : n[0], y = tile.mirror_y ? -n[1] : n[1];
     const float lift = (n[2] - x * tile.stand[1] - y * tile.stand[2]) * tile.squeeze;
     const float g[3] = {x - lift * tile.plane[1], y - lift * tile.plane[2], lift}, d[3] = {b.dx[l], b.dy[l], b.dz[l]};
-    b.cosine[l] = lower(1.0f, __builtin_fabsf(dot3(g, d)) / upper(__builtin_sqrtf(dot3(g, g)), 1.0e-20f));
+    const float along = dot3(g, d), length = upper(__builtin_sqrtf(dot3(g, g)), 1.0e-20f);
+    b.cosine[l] = lower(1.0f, __builtin_fabsf(along) / length);
+    for (int i = 0; i < 3; ++i) b.n[i][l] = g[i] / (along > 0.0f ? -length : length);
     b.albedo[l] = row[14] > 0.0f && !is_stub ? row[14] : scene.reflectance.data[b.what[l]];
   }
 
@@ -359,7 +362,9 @@ struct Tiles : Rays {
     const float *shade = scene.reflectance.data;
     b.t = hit ? t + s : b.t;
     b.what = hit ? is_straw ? puti(2) : puti(1) : b.what;
-    b.cosine = hit ? size_of(nx * b.dx + ny * b.dy + b.dz) / root(nx * nx + ny * ny + 1.0f) : b.cosine;
+    const F n[3] = {nx, ny, put(1.0f)}, across = nx * b.dx + ny * b.dy + b.dz, length = root(nx * nx + ny * ny + 1.0f);
+    b.cosine = hit ? size_of(across) / length : b.cosine;
+    for (int i = 0; job.normal && i < 3; ++i) b.n[i] = hit ? n[i] / (across > 0.0f ? -length : length) : b.n[i];
     b.albedo = hit ? is_straw ? put(shade[2]) : put(shade[1]) : b.albedo;
     return hit;
   }

@@ -30,14 +30,16 @@ constexpr int FIELDS = 8;        // of a kept piece
 constexpr int KEPT = 2048;       // pieces that wait for their test
 constexpr int COMING = 16;       // runs of pieces that are fetched ahead
 constexpr int FLUSH = 8;         // so many are enough for a test
+constexpr int BINS = 4;          // of a slab of columns that lies flat
 constexpr int AROUND = 8;        // columns of a tile, in one direction
 constexpr int SPAN = 2048;       // columns side by side that a traversal through one tile may touch
 constexpr float FAR = 1.0e30f;
 constexpr float NARROW = 0.03f;  // 1 - cos of the widest angle in a group, about 14 deg
-constexpr float SPREAD = 1.0f;   // widest distance between origins in a group
+constexpr float SPREAD = 1.0f;   // widest distance between origins in a group, of parallel rays across them
+constexpr float DEEP = 8.0f;     // and along them
 constexpr float ROUND = 2.0e-5f; // of places, covers float32
 constexpr float SEAM = 1.0e-5f; // as far over the sides of the prototype its copies are the same, covers float32
-constexpr int STANDING = 255, CUT = 1 << 30;
+constexpr int STANDING = 255, CUT = 1 << 30, SOLID = 7;
 constexpr int INVALID = 1, LOW = 2;  // flags: rays that are none; rays that start low or where nothing is known
 
 
