@@ -16,6 +16,7 @@ from swath.sensing.camera.lamps import WorkLight, irradiance_per_lux
 from swath.sensing.camera.rays import Params, RaysCamera
 from swath.sensing.camera.shading import COLOURS, WAVELENGTHS, bands, linear
 from swath.sensing.mount import Mount
+from swath.signals import MachineState
 from tests.sensing.test_camera import site
 
 UP = 20.0  # the machine of these tests flies [m], so that a card is alone
@@ -126,3 +127,13 @@ def test_a_lux_of_a_lamp_is_like_one_of_the_sun():
     """Of the colours of a sun at 45 deg within 10 %, which has 5500 K, too."""
     sun = light(45.0 * DEG)
     np.testing.assert_allclose(irradiance_per_lux(WAVELENGTHS), bands(sun, sun.sun) / sun.sun[-2], rtol=0.1)
+
+
+@pytest.mark.parametrize("high", [-12.0, -3.0, 40.0])
+def test_the_light_that_a_level_was_checked_in_counts_them(high):
+    lamps = WorkLight(candela=9000.0), WorkLight(candela=3600.0)
+    for given, own in ((), 0.0), (lamps, 9000.0 / 36.0), (lamps[1:], 100.0):
+        made, _, _ = seen([card(8.0)], work_lights=given, sun_elevation_deg=high)
+        assert made.meets(MachineState(0, Pose.identity(), 0.0, 0.0, 0.0, 0.0, 0.0))[
+            "light_lx"
+        ] == pytest.approx(light(high * DEG).lux + own)

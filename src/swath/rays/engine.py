@@ -68,12 +68,15 @@ class RayCaster:
         o, d = (np.ascontiguousarray(v, dtype=np.float64).reshape(-1, 3) for v in (origins, directions))
         hits = Hits.uninitialised((len(o),), normals)
         if len(o):
-            from swath.rays.kernel.solids_alone import cast_solids
-
-            wp = start_warp()
-            arrays = self.scene.solid_arrays(wp, solids)
-            self._run(wp, cast_solids, [arrays], o, d, range_max, hits)
+            self._hit_solids(o, d, range_max, solids, hits)
         return hits
+
+    def _hit_solids(self, o: F64, d: F64, range_max: float, solids: Solids, hits: Hits) -> None:
+        """Nearest solid of each ray."""
+        from swath.rays.kernel.solids_alone import cast_solids
+
+        wp = start_warp()
+        self._run(wp, cast_solids, [self.scene.solid_arrays(wp, solids)], o, d, range_max, hits)
 
     def cast_bundles(self, bundles: Spots | Rays, **options: Unpack[CastOptions]) -> Hits:
         """As `cast`, for the sub-rays of beams: origins and directions (n, s, 3), or `Spots`, which are
@@ -156,9 +159,12 @@ class RayCaster:
         self.scene.set_wind(wp, options.get("t", 0))
         if self._packets is None or self._packets.library is not self.field.library:
             self._packets = PacketTraversal(wp, self.field.library, self._pool)
-        arrays = self.scene.solid_arrays(wp, solids) if solid_count(solids) else None
+        flat, has_solids = hits.reshaped((-1,)), solid_count(solids) > 0
+        if has_solids and not isinstance(rays, Spots):
+            o, d = (np.broadcast_to(a.reshape(-1, 3), (flat.organ.size, 3)) for a in rays)
+            self._hit_solids(np.ascontiguousarray(o), np.ascontiguousarray(d), range_max, solids, flat)
         flags = self._packets.cast(
-            scene, self.scene.version, rays, packing, float(range_max), arrays, hits.reshaped((-1,))
+            scene, self.scene.version, rays, packing, float(range_max), has_solids, flat
         )
         if flags:  # raises where there is something wrong with the rays
             o, d = rays.rays() if isinstance(rays, Spots) else rays

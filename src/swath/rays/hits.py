@@ -1,6 +1,6 @@
 """What is cast and what comes of it: options, hits, and `Spots`, beams whose sub-rays are not yet rays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Required, TypedDict
 
 import numpy as np
@@ -69,7 +69,7 @@ class Hits:
     organ: NDArray[np.uint8]
     cosine: F32
     reflectance: F32
-    normal: F32
+    normal: F32 = field(default_factory=lambda: np.empty((0, 3), np.float32))
 
     @staticmethod
     def uninitialised(shape: tuple[int, ...], normals: bool = False) -> "Hits":

@@ -127,12 +127,8 @@ RAYS_PER_TASK = 2048  # fewer are not worth another thread
 JOB = np.dtype(  # as in native/rays.cpp
     [(name, np.int64) for name in ("origins", "directions", "spots", "order", "first")]
     + [(name, np.int64) for name in ("distance", "organ", "cosine", "reflectance", "normal")]
-    + [(name, np.int64) for name in ("solid", "solid_organ", "solid_cosine", "solid_reflectance")]
-    + [
-        (name, np.int64)
-        for name in ("lanes", "groups", "sub_rays", "row", "spot_step", "origin_step", "direction_step")
-    ]
-    + [(name, np.int64) for name in ("next", "flags")]
+    + [(name, np.int64) for name in ("lanes", "groups", "sub_rays", "row")]
+    + [(name, np.int64) for name in ("spot_step", "origin_step", "direction_step", "solids", "next", "flags")]
     + [("range_max", np.float64)]
 )
 
@@ -172,20 +168,17 @@ class PacketTraversal:
         rays: Spots | tuple[F64, F64],
         packing: Packing,
         range_max: float,
-        solids: Any,
+        has_solids: bool,
         hits: Hits,
     ) -> int:
-        """Fill `hits`, (rays,), within range_max [m].
+        """Fill `hits`, (rays,), within range_max [m]; has_solids: those of the nearest solids are in it.
 
         scene, version: as the kernels read it, a new version where it has changed; rays: origins and
-        directions (..., 3), contiguous, one of them (3,) for all, or spots; solids: as the kernels read them,
-        None = none, and none with spots. Returns error flags, of which any asks for a closer
-        look at the rays: 1 = some are not finite or not of unit length, of which nothing is known; 2 = some
-        start where no page is known, or below the highest thing there, which are cast all the same.
+        directions (..., 3), contiguous, one of them (3,) for all, or spots. Returns error flags, of which any
+        asks for a closer look at the rays: 1 = some are not finite or not of unit length, of which nothing is
+        known; 2 = some start where no page is known, or below the highest thing there, which are cast all the
+        same.
         """
-        wp = start_warp()
-        if solids is not None:
-            self._hit_solids(wp, solids, rays, range_max, hits)
         spots, subs, step = 0, 1, 0
         if not isinstance(rays, Spots):
             starts, ways = rays
@@ -195,19 +188,11 @@ class PacketTraversal:
             step = 0 if len(offsets) == 1 else 5 * subs
         kept = np.ascontiguousarray(starts, np.float64), np.ascontiguousarray(ways, np.float64)
         held = [address(a) if a.size else 0 for a in hits.arrays]
-        before = [0] * 4 if solids is None else held[:4]
-        places = (*map(address, kept), spots, *packing.addresses, *held, *before)
-        sizes = (
-            packing.lanes,
-            packing.group_count,
-            subs,
-            packing.row,
-            step,
-            3 * (starts.ndim > 1),
-            3 * (ways.ndim > 1),
-        )
+        places = (*map(address, kept), spots, *packing.addresses, *held)
+        steps = step, 3 * (starts.ndim > 1), 3 * (ways.ndim > 1)
+        sizes = packing.lanes, packing.group_count, subs, packing.row, *steps, has_solids
         self._job[0] = (*places, *sizes, 0, 0, range_max)
-        self._prepare(wp, scene, version)
+        self._prepare(start_warp(), scene, version)
         parts = min(self._pool.threads, packing.group_count, len(hits.organ) // RAYS_PER_TASK)
         self._pool.repeat(self._launch.launch, parts)
         return int(self._job["flags"][0])
@@ -223,20 +208,3 @@ class PacketTraversal:
         elif version != self._version:
             self._launch.set_param_at_index(0, scene)
         self._version = version
-
-    def _hit_solids(self, wp: Any, solids: Any, rays: Any, range_max: float, hits: Hits) -> None:
-        """Nearest solid of every ray, in the memory of the hits."""
-        from swath.rays.packets.solid_kernel import hit_nearest_solid
-
-        kinds = (wp.vec3d, wp.vec3d, wp.float32, wp.uint8, wp.float32, wp.float32, wp.vec3)
-        each = (np.ascontiguousarray(np.broadcast_to(a.reshape(-1, 3), (hits.organ.size, 3))) for a in rays)
-        arrays = (*each, *hits.arrays)
-        shared = [
-            wp.array(a, dtype=kind, device="cpu", copy=False) for a, kind in zip(arrays, kinds, strict=True)
-        ]
-
-        def run(first: int, count: int) -> None:
-            inputs = [solids, *shared[:2], range_max, first, *shared[2:]]
-            wp.launch(hit_nearest_solid, dim=count, inputs=inputs, device="cpu")
-
-        self._pool.split(len(hits.organ), RAYS_PER_TASK, run)

@@ -230,6 +230,8 @@ class SceneCamera(KeepsState):
         self._lamps = [
             (w, self.optical.inverse() @ w.pose(setup.machine, setup.edge_side)) for w in params.work_lights
         ]
+        brightest = max((w.candela for w in params.work_lights), default=0.0)
+        self._lamplight = brightest / WORK_DISTANCE**2  # [lx]
         self.per_side = isqrt(params.samples_per_pixel)
         self._rays = self.pinhole.rays(self.per_side)  # unit directions in the optical frame
         self.caster = RayCaster(setup.field)
@@ -259,18 +261,17 @@ class SceneCamera(KeepsState):
 
     def daylight(self, t: int) -> Daylight:
         """The light of a picture at a time of the run [ns]."""
-        brightest = max((w.candela for w in self.params.work_lights), default=0.0)
-        return Daylight(*self.sky(t), brightest / WORK_DISTANCE**2)
+        return Daylight(*self.sky(t), self._lamplight)
 
     def meets(self, state: MachineState) -> Mapping[str, Any]:
-        """Its weather, with the dust that drifts past it, and the light of its sun on level ground."""
+        """Its weather, with the dust that drifts past it, and the light on level ground and of its lamps."""
         field, (sun, cloud) = self.setup.field, self.sky(state.t)
         weather = self.params.weather.under(field.weather, state.t, GREEN)
         dust = plumes_at(field, state.pose.apply(self.mounting.position))
         return {
             "rain_mm_h": weather.rain_mm_h or 0.0,
             "dust_per_m": (weather.extinction_per_m or 0.0) + dust,
-            "light_lx": light(sun.elevation, cloud).lux,
+            "light_lx": light(sun.elevation, cloud).lux + self._lamplight,
         }
 
     def _light_setup(self, t: int) -> LightSetup:

@@ -5,11 +5,11 @@ struct Job {  // as JOB in traversal.py
   const double* spots;                                       // of all beams (beams, 3), (beams, 3, 3): as Spots.offsets
   const int *order, *first;                                  // the rays, group after group, null = as they come; first of each group
   float* distance; unsigned char* organ; float *cosine, *reflectance, *normal;  // out, per ray; normal or null
-  const float* solid; const unsigned char* solid_organ; const float *solid_cosine, *solid_reflectance;  // or null; its normal is out already
   long long lanes, groups, sub_rays;              // rays in a vector, at most N
   long long row;                                  // rays in a row of a group of an image, else 0
   long long spot_step, origin_step, direction_step;  // from one beam's spots, a ray's origin, its direction to the next one's,
                                                   // 0 = the same
+  long long solids;                               // 1 = out holds the nearest solid of every ray, organ 0 without one
   long long next, flags;                         // shared by all threads: the next group; what is to be looked at again
   double range_max;
 };
@@ -22,7 +22,7 @@ struct Block {  // N lanes side by side: all that is known of them lies together
   F tx, ty, z0;                 // the ray's tile and height, from the group's
   F w0, w1;                     // depth of the ray at t: w0 + w1 t
   F t;                          // nearest so far
-  I what;                       // organ, 0 = nothing, -1 = the solid that was there before
+  I what;                       // organ, 0 = nothing but the solid that was there before
   F cosine, albedo, n[3];       // unit normal in the stand frame, against the ray
   // in the tile at hand: local ray from t = start, per t, where it enters, limit, nearest primitive
   F p[3], q[3], low, limit, start, shrink, end, tin, tout;
@@ -257,10 +257,9 @@ struct Rays : Vectors {
     b.ray = live ? loadi(ray) : puti(-1);
     b.t = live ? put((float)job.range_max) : put(-1.0f);
     b.what = I{};
-    for (unsigned l = job.solid ? bits(live) : 0; l; l &= l - 1) {
+    for (unsigned l = job.solids ? bits(live) : 0; l; l &= l - 1) {
       const int i = __builtin_ctz(l);
-      b.t[i] = job.solid[ray[i]];
-      b.what[i] = job.solid_organ[ray[i]] > 0 ? -1 : 0;
+      if (job.organ[ray[i]]) b.t[i] = job.distance[ray[i]];
     }
   }
   int page_at(int x, int y) const {
@@ -370,23 +369,14 @@ struct Rays : Vectors {
   }
 
   // Out
-  void finish(Block& b) const {  // lanes without a hit: the solid that is there, or nothing
-    for (unsigned none = bits((b.ray >= 0) & (b.what <= 0)); none; none &= none - 1) {
-      const int l = __builtin_ctz(none), i = b.ray[l];
-      const bool is_solid = job.solid && job.solid_organ[i] > 0;
-      b.t[l] = is_solid ? job.solid[i] : __builtin_nanf("");
-      b.what[l] = is_solid ? job.solid_organ[i] : 0;
-      b.cosine[l] = is_solid ? job.solid_cosine[i] : 0.0f;
-      b.albedo[l] = is_solid ? job.solid_reflectance[i] : 0.0f;
-    }
-  }
   void write(size_t to, const Block& b, int l) const {
-    job.distance[to] = b.t[l];
+    const bool some = b.what[l] > 0;
+    if (!some && job.solids && job.organ[to]) return;
+    job.distance[to] = some ? b.t[l] : __builtin_nanf("");
     job.organ[to] = (unsigned char)b.what[l];
-    job.cosine[to] = b.cosine[l];
-    job.reflectance[to] = b.albedo[l];
-    if (!job.normal || b.what[l] == SOLID) return;
-    const bool some = b.what[l] != 0;
+    job.cosine[to] = some ? b.cosine[l] : 0.0f;
+    job.reflectance[to] = some ? b.albedo[l] : 0.0f;
+    if (!job.normal) return;
     const float x = b.n[0][l], y = b.n[1][l], c = (float)scene.turn[0], s = (float)scene.turn[1];
     job.normal[3 * to] = some ? c * x - s * y : 0.0f;
     job.normal[3 * to + 1] = some ? s * x + c * y : 0.0f;

@@ -10,10 +10,7 @@ struct Traversal : Crop {
         take(at, left < room ? left : room);
         if (is_invalid) break;
         cast();
-        for (int b = 0; b < packets * vectors; ++b) {
-          finish(r[b]);
-          hand_out(r[b]);
-        }
+        for (int b = 0; b < packets * vectors; ++b) hand_out(r[b]);
       }
   }
 

@@ -39,7 +39,7 @@ constexpr float SPREAD = 1.0f;   // widest distance between origins in a group, 
 constexpr float DEEP = 8.0f;     // and along them
 constexpr float ROUND = 2.0e-5f; // of places, covers float32
 constexpr float SEAM = 1.0e-5f; // as far over the sides of the prototype its copies are the same, covers float32
-constexpr int STANDING = 255, CUT = 1 << 30, SOLID = 7;
+constexpr int STANDING = 255, CUT = 1 << 30;
 constexpr int INVALID = 1, LOW = 2;  // flags: rays that are none; rays that start low or where nothing is known
 
 
