@@ -139,7 +139,7 @@ def test_what_is_an_estimate_has_a_band_to_draw_from():
                 assert of.low <= getattr(params, key, of.low) <= of.high, (slot.name, name, key)
     shoe = REGISTRY.get("cleaning", "model").params
     assert estimates(shoe).keys() == shoe.__dataclass_fields__.keys()
-    assert CATALOGUE.estimate_of("combine.lidar_left.window.drop_mm") == (1, 3)
+    assert CATALOGUE.estimate_of("combine.lidar_left.window.drop_mm") == (1, 3.4)
     assert CATALOGUE.estimate_of("field.stand.straw_lag_h") == (1, 2)
     for none in (
         "combine.threshing.threshability",

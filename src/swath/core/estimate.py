@@ -7,14 +7,19 @@ from typing import Any, get_args, get_type_hints
 
 @dataclass(frozen=True)
 class Estimate:
-    """In `Annotated`, of a key that is an estimate: the band that it may lie in."""
+    """In `Annotated`, of a key that is an estimate: the band that it may lie in.
+
+    source: of the band, "" = nobody's but ours
+    """
 
     low: float
     high: float
+    source: str = ""
 
     def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> dict[str, Any]:
-        """The band stands in the schema, too."""
-        return {**handler(core_schema), "estimate": [self.low, self.high]}
+        """The band stands in the schema, too, and where it is from."""
+        told = {"estimate": [self.low, self.high]} | ({"estimate_of": self.source} if self.source else {})
+        return {**handler(core_schema), **told}
 
 
 def band_of(params: Any, path: Sequence[str]) -> Estimate | None:

@@ -28,7 +28,8 @@ def rows_of(node: dict[str, Any], defs: dict[str, Any], prefix: str) -> list[Row
         inner = _inside(entry, defs)
         value = _value(entry, defs) if inner is None else inner[1]
         if (band := entry.get("estimate")) is not None:
-            value += f"; an estimate, {band[0]:g} to {band[1]:g}"
+            whose, by = ("an", f" by {entry['estimate_of']}") if "estimate_of" in entry else ("our", "")
+            value += f"; {whose} estimate, {band[0]:g} to {band[1]:g}{by}"
         rows.append((prefix + key, value, default, entry.get("description", "")))
         if inner is not None:
             rows += rows_of(inner[0], defs, f"{prefix}{key}{'[]' if inner[1].startswith('list') else ''}.")
