@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from swath.control.edge.block_track import BlockTrack, Search
-from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYER, LOWEST, NOTHING
+from swath.control.edge.blocks import Block, _added, find_edge
+from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, NOTHING
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from tests.control.synthetic_edge import mounting
 from tests.control.test_likelihood_ratio import SPEED, drive
@@ -108,3 +109,43 @@ def test_an_edge_first_seen_far_ahead_is_told_where_the_machine_is():
     assert first * SPEED * 0.04 < 2.5
     assert all(e.is_found and e.confidence <= 0.45 for e in edges[first:])
     assert all(abs(v) < 2.0 * e.offset_sd for v, e in zip(error[first:], edges[first:], strict=True))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_dust_to_one_side_of_the_edge_only_says_where_it_is_not(seed):
+    """Hidden up to where the crop begins: not the middle of what is hidden, but what is known of the line."""
+    rng, block = np.random.default_rng(seed), Block()
+    width = rng.uniform(0.15, 0.26)
+    ratios = follow([0.0] * 20, seed)[0].populations.ratios()
+    for _ in range(SCANS):
+        block.add(rays(0.0, 0.85, 0.0, rng, swallowed=(-width, 0.0)), TRAVEL)
+    alone, known = (find_edge(block, ratios, 0.28, variance) for variance in (np.inf, 0.02**2))
+    assert alone.beside == pytest.approx(-0.5 * width, abs=0.03)
+    assert abs(known.beside) < 0.5 * abs(alone.beside)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_block_adds_to_what_is_known_gives_it_again(seed):
+    """The product of two normals is one: of a normal likelihood the part added is that likelihood."""
+    draw, place = np.random.default_rng(seed), CELL * np.arange(-60, 61)
+    mean, sd, known = draw.uniform(-0.1, 0.1), draw.uniform(0.06, 0.2), draw.uniform(0.05, 0.3) ** 2
+    chance = np.exp(-0.5 * ((place - mean) / sd) ** 2)
+    assert _added(place, chance / chance.sum(), known) == pytest.approx((mean, sd**2), rel=0.02, abs=1e-3)
+    assert _added(place, np.ones(121), known)[1] > 1.0  # flat: it adds nothing
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
+def test_haze_is_the_optical_depth_that_answers_so_many_rays(share):
+    block = Block()
+    block.counts[:, DUST], block.counts[:, 10] = 1000.0 * share, 1000.0 * (1.0 - share)
+    np.testing.assert_allclose(block.haze, -np.log(1.0 - share), rtol=1e-3)
+
+
+def test_an_echo_that_dust_may_have_sent_says_less():
+    """(crop + dust) / (stubble + dust): nothing where dust is all there is; elsewhere what it was."""
+    track, _ = follow([0.0] * 20, 1)
+    clear, haze = track.populations.ratios(), np.array([0.0, 0.01, 0.1, 1e6])
+    dusty = track.populations.ratios(haze)
+    np.testing.assert_array_equal(dusty[0], clear)
+    assert (np.diff(np.abs(dusty[:, :LAYERS]), axis=0) <= 1e-12).all()
+    np.testing.assert_allclose(dusty[-1, :LAYERS], 0.0, atol=1e-4)

@@ -5,13 +5,13 @@ What a break is shows `edge_breaks`, which crop is lodged `lodging`, which edge 
 
 from collections import deque
 from dataclasses import dataclass, replace
-from math import isfinite, tan
+from math import inf, isfinite, tan
 
 import numpy as np
 
 from swath.control.edge.arc_track import KEPT, SAME, Arc, ArcTrack
-from swath.control.edge.blocks import Block, Found, find_edge, split
-from swath.control.edge.canopy_classes import HEADROOM
+from swath.control.edge.blocks import EDGES, Block, Found, find_edge, split
+from swath.control.edge.canopy_classes import HEADROOM, LAYER, ROOM
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
 from swath.control.edge.feet.canopy_feet import CanopyFeet
 from swath.control.edge.feet.lodging import DENSE, Lodging
@@ -24,6 +24,7 @@ from swath.control.edge.line.ragged_line import bite_of, ragged_line
 from swath.control.edge.populations import Populations, crop_excess, overlap_of
 from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
+from swath.signals import F64
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
 BEGIN_GAIN = 20.0  # nat of two populations over one, at first
@@ -44,6 +45,7 @@ FADING, ALONG = 10.0, 0.3  # m, over which bites are forgotten; rad from the hea
 FLAT = np.array(
     [[0.2], [1.0], [0.2], [1.0]]
 )  # of the counts of both sides beside lodged crop that are learned
+LEAST_ABOVE = 0.3  # m between the headroom and the scanner
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 
@@ -192,8 +194,9 @@ class BlockTrack(KeepsState):
     def _go_on(self, arc: Arc, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """A block is full: where is its edge? False when it needs more rays."""
         block, heading = self._block, at[2]
-        found = self._find(arc)
-        wide = self._step_out(found, arc, heading)
+        ratios = self._ratios()
+        found = self._find(arc, ratios)
+        wide = self._step_out(found, arc, heading, ratios)
         if wide is not None:
             found, self.bite = wide, -wide.beside
         is_near = found.lead < LEAD
@@ -205,7 +208,7 @@ class BlockTrack(KeepsState):
         self.populations.move(block.travel)
         angle, wall = arc.angle - heading, wall_of(self._scans, found.beside, block.alike)
         along = place_along(wall, self._middle, angle)
-        is_blind = found.blank > EVENLY * BLURRED  # the edge may lie anywhere in there
+        is_blind = found.blank > EVENLY * BLURRED or found.variance > BROAD**2  # it may lie anywhere there
         swing = self._lodging.swing(block, found.beside, self.populations, angle)
         if swing > 0.0 and abs(found.beside) < swing + 0.1:
             self._pass_lodged(found, along, swing)
@@ -221,21 +224,29 @@ class BlockTrack(KeepsState):
         self.height = self._crop_height()
         return True
 
-    def _find(self, arc: Arc) -> Found:
+    def _find(self, arc: Arc, ratios: F64) -> Found:
         """The edge of the block within the gate, which shall not cut off what the block says."""
         bites, row = self.bite + OUT if self.bite > 0.0 else 0.0, self.feet.spacing
         gate = min(WIDEST, max(GATE + WIDENING * arc.unseen**2, bites)) + row  # where rows end it steps
-        ratios = self.populations.ratios()
-        found = find_edge(self._block, ratios, gate)
+        haze, known = self._block.haze, inf
+        if haze[np.abs(EDGES[:-1]) <= BROAD].any():
+            known = float(arc.ahead(self._block.travel).covariance[0, 0]) + self._noise
+        found = find_edge(self._block, ratios, gate, known)
         is_cut_off = found.variance > BLURRED**2 and found.lead < LEAD and gate < BROAD
-        return find_edge(self._block, ratios, BROAD) if is_cut_off else found
+        return find_edge(self._block, ratios, BROAD, known) if is_cut_off else found
 
-    def _step_out(self, found: Found, arc: Arc, heading: float) -> Found | None:
+    def _ratios(self) -> F64:
+        """Of the classes, as `find_edge` takes them: dust is as thick in the crop as it is above it."""
+        haze = self._block.haze
+        above = max(self._search.view - HEADROOM * self.height - ROOM, LEAST_ABOVE)
+        return self.populations.ratios(haze * LAYER / above if haze.any() else None)
+
+    def _step_out(self, found: Found, arc: Arc, heading: float, ratios: F64) -> Found | None:
         """A step outward beside a line that fitted so far, along the machine."""
         is_used = self.followed >= YOUNG and arc.unseen < 1.0 and self.bite == 0.0 and not self.feet.spacing
         if not (is_used and abs(arc.angle - heading) < ALONG):
             return None
-        return self._breaks.step_out(found, self._block, self.populations)
+        return self._breaks.step_out(found, self._block, ratios)
 
     def _is_hole(self, found: Found, arc: Arc) -> bool:
         is_even = self.agreed > USED and self.bite == 0.0

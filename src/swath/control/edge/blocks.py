@@ -4,6 +4,7 @@ Many rays together show an edge that no single scan shows: at 30 stems/m2 one ra
 """
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -19,6 +20,7 @@ ALIKE = 0.24  # m of travel from one look at the stand to another that is indepe
 NONE = 1e-12  # in the place of no counts
 FINEST = 0.015  # m, standard deviation that no block falls below
 FEWEST = 30.0  # rays to either side of an edge
+ABOUT = 10  # places to either side over which the dust of one is taken
 CLEAR = 0.35  # m beside the edge from which on a ray belongs to one side
 # layers that count as one while nothing is known: the stubble, whose plane is not known well, then pairs
 _MERGED = np.array([0, *range(8, LAYERS, 2), DUST, NOTHING])
@@ -58,6 +60,18 @@ class Block(Clears):
         """Rays per independent ray: successive scans see the same stems."""
         return max(1.0, self._scans / max(1.0, self.travel / ALIKE))
 
+    @property
+    def haze(self) -> F64:
+        """Optical depth of the dust above the crop about each place, (PLACES,), by the share of the rays that
+        it answered there.
+        """
+        met, wide = self.counts[:, DUST], 2 * ABOUT + 1
+        if not met.any():
+            return np.zeros(PLACES)
+        sums = [np.cumsum(np.pad(counts, (ABOUT + 1, ABOUT))) for counts in (self.counts.sum(axis=1), met)]
+        rays, met = (total[wide:] - total[:-wide] for total in sums)
+        return log((rays + 1.0) / (rays - met + 1.0))
+
     def just_inside(self, edge: float) -> F64:
         """Counts of classes (CLASSES,) in the first metre of crop behind an edge [m]."""
         return _between(self.counts, edge + 0.1, edge + 1.1)
@@ -90,9 +104,17 @@ class Found:
     best: float = 0.0
 
 
-def find_edge(block: Block, ratios: F64, gate: float) -> Found:
-    """The edge within +-`gate` [m] of the frame: its mean and variance under the likelihood of all places."""
-    worth = product(block.counts[_WITHIN.start : _WITHIN.stop - 1], ratios) / block.alike
+def find_edge(block: Block, ratios: F64, gate: float, known: float = inf) -> Found:
+    """The edge within +-`gate` [m] of the frame: its mean and variance under the likelihood of all places.
+
+    ratios: of each class, (CLASSES,), or at each place, (PLACES, CLASSES)
+    known: variance [m2] with which the edge is known to lie on the frame: mean and variance are then what the
+    block adds to that. Where dust hides one side it only says on which side the edge is not.
+    """
+    strip = slice(_WITHIN.start, _WITHIN.stop - 1)
+    counts, is_alike = block.counts[strip], ratios.ndim == 1
+    worth = product(counts, ratios) if is_alike else np.einsum("nk,nk->n", counts, ratios[strip])
+    worth = worth / block.alike
     score = np.concatenate([np.cumsum(worth[::-1])[::-1], [0.0]])
     place = EDGES[_WITHIN]
     gain = score - max(float(score[0]), 0.0)
@@ -102,9 +124,23 @@ def find_edge(block: Block, ratios: F64, gate: float) -> Found:
     chance /= chance.sum()
     mean = float((chance * place[near]).sum())
     variance = float((chance * (place[near] - mean) ** 2).sum())
+    if known < inf:
+        mean, variance = _added(place[near], chance, known)
     top = int(gain.argmax())
     lead, blank = float(gain[top]) - best, _blank(block.counts, mean)
     return Found(mean, variance + FINEST**2, best, lead, blank, float(place[top]))
+
+
+def _added(place: F64, chance: F64, known: float) -> tuple[float, float]:
+    """Mean [m] and variance [m2] of the normal that takes one about 0 of the variance `known` to the mean and
+    the variance of its product with the chances of places.
+    """
+    both = chance * exp(-0.5 * place**2 / known)
+    both /= both.sum()
+    mean = float((both * place).sum())
+    variance = max(float((both * (place - mean) ** 2).sum()), CELL**2 / 12.0)  # of one place
+    more = 1.0 / variance - 1.0 / known
+    return (mean / (variance * more), 1.0 / more) if more > 1e-3 else (0.0, 1e3)
 
 
 def _blank(counts: F64, edge: float) -> float:

@@ -84,8 +84,11 @@ class Populations(Clears):
         echoes, solid = (counts[k, :LAYERS] + counts[k + 1, :LAYERS] for k in (0, 2))
         self._is_air: NDArray[np.bool_] = COMES_AGAIN * echoes >= solid + 1.0  # layers of both sides
 
-    def ratios(self) -> F64:
-        """Log-likelihood ratio [nat] of each class: crop over stubble, (CLASSES,)."""
+    def ratios(self, haze: F64 | None = None) -> F64:
+        """Log-likelihood ratio [nat] of each class: crop over stubble, (CLASSES,).
+
+        haze: echoes of dust in a layer for each ray that gets there, at places (n,); then (n, CLASSES)
+        """
         crop, stubble, lately = _shares(self.counts[[0, 1, 4]])
         above = np.zeros(CLASSES)
         first, tall = self._first_layer(), self._standing(0)
@@ -95,8 +98,11 @@ class Populations(Clears):
         above /= max(float(above.sum()), 1.0)
         crop = (1.0 - FRESH - STRANGE) * crop + FRESH * lately + STRANGE * above
         stubble = (1.0 - STRAY) * stubble + STRAY / CLASSES
+        if haze is not None:
+            dust = haze[:, None] * (np.arange(CLASSES) < LAYERS)
+            crop, stubble = crop + dust, stubble + dust
         worth = np.clip(log(crop / stubble), -MOST, MOST)
-        worth[top : DUST + 1] = 0.0  # a puff above the crop says nothing of what is behind it
+        worth[..., top : DUST + 1] = 0.0  # a puff above the crop says nothing of what is behind it
         return np.asarray(worth)
 
     def heights(self) -> tuple[float, float, float]:

@@ -5,8 +5,9 @@ from math import sqrt
 from swath.control.edge.arc_track import Arc
 from swath.control.edge.blocks import Block, Found, find_edge
 from swath.control.edge.line.inner_edge import InnerEdge
-from swath.control.edge.populations import Populations, middle_of
+from swath.control.edge.populations import middle_of
 from swath.core.component import KeepsState
+from swath.signals import F64
 
 LEAST_GAIN = 6.0  # nat of an edge over none, in a block
 LEAD = 5.0  # nat by which a place outside the gate shows that the edge broke off
@@ -67,11 +68,14 @@ class EdgeBreaks(KeepsState):
             is_even and arc.unseen < 1.0 and inward > max(FLANK, row, RAGGEDS * sqrt(scatter), CHANCE * own)
         )
 
-    def step_out(self, found: Found, block: Block, populations: Populations) -> Found | None:
-        """Crop stands out beside a line that fitted so far: the edge has bites, and here it is, outside."""
+    def step_out(self, found: Found, block: Block, ratios: F64) -> Found | None:
+        """Crop stands out beside a line that fitted so far: the edge has bites, and here it is, outside.
+
+        ratios: of the classes, as `find_edge` takes them
+        """
         if not (self._beside > -0.5 * OUT and -WIDEST <= found.best < -OUT):
             return None
-        wide = find_edge(block, populations.ratios(), WIDEST)
+        wide = find_edge(block, ratios, WIDEST)
         is_one = wide.gain >= LEAST_GAIN and wide.lead < LEAD and wide.beside < -OUT
         return wide if is_one else None
 
