@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from dataclasses import replace
+from html import unescape
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -600,7 +601,7 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
 
 
 def test_pairs_that_nothing_drove_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    found = conducted(monkeypatch, tmp_path / "out", small_odd(tmp_path), 8, 1, lambda run, u: False)
+    found = conducted(monkeypatch, tmp_path / "o w", small_odd(tmp_path), 8, 1, lambda run, u: False)
     cells = found.cells()
     never = [c for c in cells if c.verdict == NEVER]
     driven, pairs = found.coverage.pair_share
@@ -609,6 +610,7 @@ def test_pairs_that_nothing_drove_are_named(tmp_path: Path, monkeypatch: pytest.
     page = write_dossier(found, cells).read_text()
     assert never[0].text in page
     assert f"{len(never) - 5} more are in" in page
+    assert "swath test again 'o w' RUN" in unescape(page)
     assert "certifies nothing" in page
     assert "No part of the ODD is shown" in page  # 8 runs show no bucket
     assert "so it has to be confirmed" not in page
