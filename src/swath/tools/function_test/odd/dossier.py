@@ -40,7 +40,7 @@ from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.fidelity import levels_of
 from swath.tools.function_test.in_step import is_number
 from swath.tools.function_test.judging.judged import ERROR, beyond
-from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN
+from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, lower_bound, upper_bound
 from swath.tools.function_test.junit import write_junit, write_suites
 from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
 from swath.tools.function_test.odd.causes import (
@@ -104,7 +104,7 @@ ABOUT_CAUSES = (
 )
 ABOUT_DRAWN = "where they drove may be an effect of the failure. "
 ALL_CELLS = "Each cell in `cells.csv`, with its runs that belong to no cause."
-LIMITS = ("limit", "runs break it", "and no other", "not measured")
+LIMITS = "limit", "runs break it", "of those measured, 95 %", "and no other", "not measured"
 ABOUT_LIMITS = (
     "Where a run ended before anything was measured for a limit, that limit is neither kept nor broken; "
     "`swath run` and the verdict of such a run count it as failed."
@@ -277,7 +277,8 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         Section("Where it is broken", [
             Table("", CAUSES, broken, (1, 2, 3, 4), about) if broken else _no_cause(cells),
             Items(said), ALL_CELLS if said else "",
-            Table("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3), ABOUT_LIMITS),
+            Table("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3, 4), ABOUT_LIMITS),
+            Table("How runs ended", ("reason", "runs", "of these pass"), _by_end(found), (1, 2)),
         ]),
         Section("Where it is shown to work", _where_shown(found, cells, rest, out, restricted.name)),
         Section("What was never driven", _never(found, cells)),
@@ -423,7 +424,7 @@ def _never(found: Conducted, cells: Sequence[OddCell]) -> list[object]:
         more(len(never), LISTED, "`cells.csv`"),
         Table("Parts outside every bucket, which no run was drawn for", head, undrawn),
         Table("Driven, but in no bucket", ("attribute", "metres", "runs"), _in_no_bucket(found), (1, 2)),
-        Table("Attributes that swath cannot simulate", ("attribute", "why"), lost),
+        Table("Attributes that are not simulated", ("attribute", "why"), lost),
         element("h3", "Attributes that the binding does not name") if unbound else "",
         f"Nothing sets or measures them: {', '.join(unbound)}" if unbound else "",
     ]
@@ -515,8 +516,8 @@ def _in_no_bucket(found: Conducted) -> list[list[str]]:
 
 
 def _by_limit(found: Conducted) -> list[list[str]]:
-    """Of each limit how many runs break it, how many of these no other one, and in how many it was not
-    measured.
+    """Of each limit how many runs break it, which share (Clopper-Pearson), how many of these no other one,
+    and in how many it was not measured.
     """
     broken, unmeasured, nothing = Counter[str](), Counter[str](), 0
     alone = Counter[str]()
@@ -529,12 +530,22 @@ def _by_limit(found: Conducted) -> list[list[str]]:
         alone.update(own if len(own) == 1 else [])
         unmeasured.update(list(dict.fromkeys(name for name, what in said if what == NOT_MEASURED)))
         nothing += any(what == NOT_MEASURED for _, what in said)
-    rows = [
-        [n, str(broken[n]), str(alone[n]), str(unmeasured[n])] for n, _ in (broken + unmeasured).most_common()
-    ]
+    judged_runs = sum(run.is_judged for run in found.coverage.runs)
+    rows = []
+    for name, _ in (broken + unmeasured).most_common():
+        count = broken[name], judged_runs - unmeasured[name], 0.975
+        share = f"{100.0 * lower_bound(*count):.0f} to {100.0 * upper_bound(*count):.0f} %"
+        rows.append([name, str(broken[name]), share, str(alone[name]), str(unmeasured[name])])
     errors = sum(run.result["verdict"] == ERROR for run in found.coverage.runs)
-    rows += [["ended before a limit was measured", "", "", str(nothing)]] if nothing else []
-    return [*rows, *([["run came to nothing", str(errors), "", ""]] if errors else [])]
+    rows += [["ended before a limit was measured", "", "", "", str(nothing)]] if nothing else []
+    return [*rows, *([["run came to nothing", str(errors), "", "", ""]] if errors else [])]
+
+
+def _by_end(found: Conducted) -> list[list[str]]:
+    """Of each reason why runs ended how many did, and how many of these pass."""
+    ends = [(run.result.get(ENDED, {}).get("reason", ""), run.passes) for run in found.coverage.runs]
+    counts, passed = Counter(why for why, _ in ends), Counter(why for why, passes in ends if passes)
+    return [[why, str(n), str(passed[why])] for why, n in counts.most_common() if why]
 
 
 def _elsewhere(found: Conducted) -> Iterable[str]:
