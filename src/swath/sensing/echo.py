@@ -27,10 +27,11 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from swath.core import portable
+from swath.field.field import Field
 from swath.field.weather import RainLaw, SiteWeather, fog_extinction, rain_extinction
 from swath.kernels import Numbered, address, numbered, repeatable, start_warp
 from swath.rays.hits import Spots
-from swath.sensing.haze import Haze
+from swath.sensing.haze import Haze, plumes_at
 from swath.signals import F64
 
 
@@ -78,6 +79,11 @@ class Weather:
         dust = air.dust if self.extinction_per_m is None else self.extinction_per_m
         rain = air.rain if self.rain_mm_h is None else self.rain_mm_h
         return replace(self, extinction_per_m=dust + fog_extinction(air.mor, wavelength), rain_mm_h=rain)
+
+    def met(self, field: Field, place: F64) -> dict[str, float]:
+        """Rain, and extinction with the dust of machines that drifts past a world point (3,)."""
+        dust = (self.extinction_per_m or 0.0) + plumes_at(field, place)
+        return {"rain_mm_h": self.rain_mm_h or 0.0, "dust_per_m": dust}
 
     @property
     def is_clear(self) -> bool:

@@ -24,7 +24,7 @@ from swath.field.site_setup import SiteSetup
 from swath.field.weather import SUN_STEP_S
 from swath.rays.sight import Sight
 from swath.sensing.echo import LIGHT_SPEED, AirBefore, ScannerWeather, least_energy, merging_gap
-from swath.sensing.haze import haze_along, plumes_at
+from swath.sensing.haze import haze_along
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
@@ -181,11 +181,10 @@ class Scanner:
         dark, given = least_energy(self.sheet.range_10), self.params
         assert isinstance(given, OutdoorParams)
         weather = self.setup.field.weather
-        sun = None if weather is None else weather.sun(t)
-        if weather is None or sun is None:
+        now, full = None if weather is None else weather.light(t), light(0.5 * np.pi)
+        if now is None:
             expected = "expected field.weather with a sun: sun_elevation_deg and sun_azimuth_deg, or time"
             raise InputError("daylight.shot_noise", given.daylight.shot_noise, expected)
-        now, full = light(sun.elevation, weather.at(t).cloud), light(0.5 * np.pi)
         share = now.at(self.sheet.wavelength, now.level) / full.at(self.sheet.wavelength, full.level)
         x = given.daylight.shot_noise * share * full.lux / FULL_DAY
         if given.daylight.threshold_sd is None:
@@ -363,15 +362,10 @@ class ScanningLidar(KeepsState, ABC):
 
     def meets(self, state: MachineState) -> Mapping[str, Any]:
         """Its weather, with the dust that drifts past it, and the light that its receiver knows."""
-        weather, field, given = self.weather_at(state.t), self.setup.field, self.scanner.params
-        is_lit = isinstance(given, OutdoorParams) and given.daylight.shot_noise > 0.0
-        light = field.weather.light(state.t) if is_lit and field.weather is not None else None
-        dust = plumes_at(field, state.pose.apply(self.mounting.position))
-        return {
-            "rain_mm_h": weather.rain_mm_h or 0.0,
-            "dust_per_m": (weather.extinction_per_m or 0.0) + dust,
-            "receiver_light_lx": 0.0 if light is None else light.lux,
-        }
+        weather = self.setup.field.weather
+        light = weather.light(state.t) if self.scanner.is_lit and weather is not None else None
+        met = self.weather_at(state.t).met(self.setup.field, state.pose.apply(self.mounting.position))
+        return {**met, "receiver_light_lx": 0.0 if light is None else light.lux}
 
     def air(self, t: int, origins: F64, directions: F64, met: F64) -> AirBefore | None:
         """What is between it and what its beams meet in the sweep that ends at t [ns], None = nothing.

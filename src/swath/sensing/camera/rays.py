@@ -45,7 +45,6 @@ from swath.sensing.camera.orthophoto import Orthophoto
 from swath.sensing.camera.pinhole import OPTICAL, Pinhole, focal_of
 from swath.sensing.camera.shading import Daylight, encode
 from swath.sensing.echo import Weather
-from swath.sensing.haze import plumes_at
 from swath.sensing.mount import Mount, poses_at
 from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState
 from swath.signals.image import ImageBoxes, empty_image
@@ -267,12 +266,8 @@ class SceneCamera(KeepsState):
         """Its weather, with the dust that drifts past it, and the light on level ground and of its lamps."""
         field, (sun, cloud) = self.setup.field, self.sky(state.t)
         weather = self.params.weather.under(field.weather, state.t, GREEN)
-        dust = plumes_at(field, state.pose.apply(self.mounting.position))
-        return {
-            "rain_mm_h": weather.rain_mm_h or 0.0,
-            "dust_per_m": (weather.extinction_per_m or 0.0) + dust,
-            "light_lx": light(sun.elevation, cloud).lux + self._lamplight,
-        }
+        met = weather.met(field, state.pose.apply(self.mounting.position))
+        return {**met, "light_lx": light(sun.elevation, cloud).lux + self._lamplight}
 
     def _light_setup(self, t: int) -> LightSetup:
         p = self.params
