@@ -26,7 +26,8 @@ Made by `python -m docs.make.fleet` from the classes that check a job; edit thos
 
 A job is YAML, by the same rules as a [scenario](../reference/scenario.md): keys carry their unit, paths are
 relative to the file, and what is wrong is an error that names key, value, what was expected, file and line.
-`swath fleet run NAME|FILE --set combines.combine.speed_kmh=5` changes one key. `swath schema job --out job.schema.json`
+`swath fleet run NAME|FILE --set combines.combine.speed_kmh=5` changes one key; results with other changes in `--out` stay
+without `--replace`. `swath schema job --out job.schema.json`
 writes the same as JSON Schema: an editor with a YAML language server completes and checks the file whose first line is
 `# yaml-language-server: $schema=job.schema.json`. The bundled `{name}`:
 

@@ -1,9 +1,11 @@
 """CSV tables of numbers, read in blocks."""
 
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from csv import Error as CsvError
 from csv import reader as rows_in
 from io import TextIOWrapper
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from swath.documents.packed import readable
 
 Array = NDArray[np.float64]
 BLOCK_BYTES = 1 << 22
-LONGEST_HEAD = 1 << 16
+LONGEST_LINE = 1 << 16
 
 
 def column_names(path: Path) -> dict[str, str]:
@@ -27,7 +29,7 @@ def column_names(path: Path) -> dict[str, str]:
 
     with readable("table", "a table with a line of column names", path):
         with input_stream(check_readable(path, "table", "a table")) as file:
-            head = file.read(LONGEST_HEAD).partition(b"\n")[0].decode(errors="replace").strip()
+            head = file.read(LONGEST_LINE).partition(b"\n")[0].decode(errors="replace").strip()
         if "," not in head and (";" in head or "\t" in head):
             expected = "expected commas between columns, and points in numbers"
             raise InputError("table", head, expected, file=path, line=1)
@@ -75,9 +77,15 @@ def _first_wrong(path: Path, columns: Mapping[str, str]) -> Iterator[None]:
     try:
         yield
     except ArrowInvalid:
-        with TextIOWrapper(input_stream(path), "utf-8-sig", "replace", newline="") as file:
-            rows = rows_in(file)
-            places = {column: place for place, column in enumerate(next(rows))}
+        with (
+            TextIOWrapper(input_stream(path), "utf-8-sig", "replace", newline="") as file,
+            suppress(CsvError),
+        ):
+            short = takewhile(
+                lambda line: len(line) < LONGEST_LINE, iter(lambda: file.readline(LONGEST_LINE), "")
+            )
+            rows = rows_in(short)
+            places = {column: place for place, column in enumerate(next(rows, ()))}
             for row in filter(None, rows):
                 if len(row) != len(places):
                     expected = f"expected {len(places)} cells, with points in numbers"
