@@ -64,7 +64,8 @@ class EdgeGuards(Compiled):
     def supply(self, stage: int) -> None:
         """Machines that stopped because they no longer saw the edge."""
         for world in np.flatnonzero(self._driven.of["is_over"]).tolist():
-            why = Ending(f"no crop edge seen for {self.blind[world]:.1f} m", EDGE_LOST)
+            known = f"none known to {self._limits.of['room'][world]:g} m"
+            why = Ending(f"no crop edge seen for {self.blind[world]:.1f} m, {known}", EDGE_LOST)
             self.reasons.setdefault(world, why)
 
     def save(self, world: int) -> State:
