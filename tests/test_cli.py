@@ -250,6 +250,7 @@ def test_scan(job, capsys):
 def test_field_commands_hand_on_their_arguments(monkeypatch, capsys, tmp_path):
     class Report(str):
         source: ClassVar[dict] = {}
+        field: ClassVar[dict] = {"passes": [0]}
 
     asked = []
     importer = SimpleNamespace(

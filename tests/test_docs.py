@@ -20,6 +20,7 @@ from swath.core.errors import InputError
 from swath.core.together import Samples
 from swath.documents.validation import validate
 from swath.documents.yaml_document import dump, parse
+from swath.field_io.logs.columns import QUANTITIES, read_map
 from swath.fleet.files import FORMAT as FLEET_FORMAT
 from swath.fleet.files import read_job
 from swath.scenario.scenario import load_scenario, parse_scenario, scenario_names
@@ -162,6 +163,11 @@ def test_yaml_is_a_scenario_or_a_part_of_one(text, tmp_path):
     if all(isinstance(sets, dict) and all("." in key for key in sets) for sets in part.values()):
         (tmp_path / "candidates.yaml").write_text(text, encoding="utf-8")
         assert list(read_candidates(tmp_path / "candidates.yaml")) == list(part)
+        return
+    named = [c.get("column") if isinstance(c, dict) else c for c in part.values()]
+    if set(part) <= set(QUANTITIES) and all(isinstance(c, str) for c in named):  # the columns of a log
+        (tmp_path / "map.yaml").write_text(text, encoding="utf-8")
+        assert set(read_map(tmp_path / "map.yaml", named)[0]) == set(part)
         return
     if "name" in part:
         assert part.get("format") == FORMAT
