@@ -55,6 +55,7 @@ def test_the_machine_stands_before_five_metres_are_driven_blind(edge):
     assert speed < 0.05
     assert 3.5 < driven < 5.0
     assert "no crop edge seen for 4." in guard.reason
+    assert "none known to 0.3 m" in guard.reason
 
 
 def test_an_edge_that_is_known_to_the_room_there_is_is_driven_slowly():

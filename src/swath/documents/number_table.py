@@ -4,8 +4,6 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from csv import Error as CsvError
 from csv import reader as rows_in
-from io import TextIOWrapper
-from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +12,10 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.files.read_file import check_readable
 from swath.documents.packed import readable
+from swath.documents.text_file import LONGEST_LINE, text_lines
 
 Array = NDArray[np.float64]
 BLOCK_BYTES = 1 << 22
-LONGEST_LINE = 1 << 16
 
 
 def column_names(path: Path) -> dict[str, str]:
@@ -72,19 +70,15 @@ def number_blocks(
 @contextmanager
 def _first_wrong(path: Path, columns: Mapping[str, str]) -> Iterator[None]:
     """Where a table cannot be read, the InputError of its first cell that is no number, or of its row."""
-    from pyarrow import ArrowInvalid, csv, input_stream
+    from pyarrow import ArrowInvalid, csv
 
     try:
         yield
     except ArrowInvalid:
-        with (
-            TextIOWrapper(input_stream(path), "utf-8-sig", "replace", newline="") as file,
-            suppress(CsvError),
-        ):
-            short = takewhile(
-                lambda line: len(line) < LONGEST_LINE, iter(lambda: file.readline(LONGEST_LINE), "")
-            )
-            rows = rows_in(short)
+        if path.suffix == ".gz":  # lines of text are looked at alone
+            raise
+        with suppress(CsvError):
+            rows = rows_in(text_lines(path, "table", "a table"))
             places = {column: place for place, column in enumerate(next(rows, ()))}
             for row in filter(None, rows):
                 if len(row) != len(places):

@@ -45,7 +45,7 @@ FADING, ALONG = 10.0, 0.3  # m, over which bites are forgotten; rad from the hea
 FLAT = np.array(
     [[0.2], [1.0], [0.2], [1.0]]
 )  # of the counts of both sides beside lodged crop that are learned
-LEAST_ABOVE = 0.3  # m between the headroom and the scanner
+LEAST_ABOVE = 0.3  # m between the headroom and the scanner, own choice: no share of dust is divided by less
 DOUBT = 1.2  # of the swing of lodged tops: standard deviation of a block there
 
 

@@ -20,7 +20,7 @@ ALIKE = 0.24  # m of travel from one look at the stand to another that is indepe
 NONE = 1e-12  # in the place of no counts
 FINEST = 0.015  # m, standard deviation that no block falls below
 FEWEST = 30.0  # rays to either side of an edge
-ABOUT = 10  # places to either side over which the dust of one is taken
+ABOUT = 10  # places of CELL to either side over which the dust of one is taken, own choice
 CLEAR = 0.35  # m beside the edge from which on a ray belongs to one side
 # layers that count as one while nothing is known: the stubble, whose plane is not known well, then pairs
 _MERGED = np.array([0, *range(8, LAYERS, 2), DUST, NOTHING])

@@ -11,7 +11,7 @@ from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Later, Metric
 from swath.signals import CropEdge, SteerCommand
 
-OLD = 1.0  # age on arrival beyond which a time stamp is doubted [s]
+OLD = 1.0  # age on arrival beyond which a time stamp is doubted [s], own choice
 DOUBT = "is the t of what is sent the time [ns] for which it holds?"
 
 
