@@ -1,5 +1,7 @@
 """MF4, BLF and ASC: a run goes there and comes back, others read it, and what is not said is not guessed."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,74 @@ def mf4(path, *groups):
             mdf.append([asammdf.Signal(np.asarray(v), t, name=n, unit=u) for n, (v, u) in channels.items()])
         mdf.save(path, overwrite=True)
     return path
+
+
+ACT = """X1*1.0+0*sin(*(eval('[open("{}","a").write("x"),0.5][1]') for i in (1,)))"""
+
+
+def straight():
+    return {"a": 2.0, "b": 0.0}
+
+
+def of_range(inside, rest):
+    return {"lower_0": 0.0, "upper_0": 9.0, "text_0": inside, "default_addr": rest}
+
+
+def of_value(value, then, rest):
+    return {"val_0": value, "text_0": then, "default_addr": rest}
+
+
+NESTINGS = {
+    "formula": lambda formula: formula,
+    "range": lambda formula: of_range(formula, straight()),
+    "range's rest": lambda formula: {**of_range(straight(), formula), "lower_0": 8.0},
+    "value": lambda formula: of_value(1.0, formula, straight()),
+    "value's rest": lambda formula: of_value(7.0, straight(), formula),
+    "deeper": lambda formula: of_value(1.0, of_range(formula, straight()), straight()),
+}
+
+
+def with_formula(path, nesting, text):
+    def signal(name, conversion=None):
+        about = {"conversion": conversion} if conversion else {}
+        return asammdf.Signal(np.array([1.0, 2.0, 3.0]), np.arange(3.0), name=name, unit="m/s", **about)
+
+    with asammdf.MDF(version="4.10") as mdf:
+        mdf.append([signal("plain"), signal("made", NESTINGS[nesting]({"formula": text}))])
+        mdf.save(path, overwrite=True)
+    return path
+
+
+@pytest.mark.parametrize("nesting", NESTINGS)
+def test_a_formula_that_is_no_arithmetic_does_nothing(tmp_path, nesting):
+    acted = tmp_path / "ACTED"
+    log = open_channels(with_formula(tmp_path / "a.mf4", nesting, ACT.format(acted)))
+    assert list(log.units) == ["plain"]
+    assert [note for note in log.notes if note.startswith("made is left out: its conversion")]
+    for _ in log.blocks({"plain", "made"}):
+        pass
+    assert not acted.exists()
+
+
+@pytest.mark.parametrize("nesting", NESTINGS)
+def test_arithmetic_of_a_file_is_computed(tmp_path, nesting):
+    log = open_channels(with_formula(tmp_path / "a.mf4", nesting, "2*X1 + exp(X1) - x1/2"))
+    ((_, _, values),) = log.blocks({"made"})
+    x = np.array([1.0, 2.0, 3.0])
+    formula = 2 * x + np.exp(x) - x / 2
+    is_made = (x == 1) | (nesting not in ("value", "deeper"))
+    np.testing.assert_allclose(values, np.where(is_made, formula, 2 * x), rtol=1e-14)
+
+
+def test_nothing_of_a_file_reaches_what_makes_code(tmp_path, monkeypatch):
+    """Should the look through conversions ever miss one."""
+    monkeypatch.setattr("swath.field_io.logs.channels._without_arithmetic", lambda mdf: set())
+    acted = tmp_path / "ACTED"
+    for nesting in NESTINGS:
+        log = open_channels(with_formula(tmp_path / "a.mf4", nesting, ACT.format(acted)))
+        with suppress(ValueError):
+            list(log.blocks({"made"}))
+    assert not acted.exists()
 
 
 def test_units_are_turned_or_refused(tmp_path):

@@ -5,6 +5,7 @@ the messages of ISO 11783 that come with swath. Files are read by blocks; a long
 Messages of several frames (J1939 transport) are put together, at the time of their last frame.
 """
 
+import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from swath.core.errors import Extra, InputError, SwathError
 from swath.core.files.read_file import check_readable, open_to_read
 from swath.core.units import UNITS, Unit
+from swath.documents.formula import computed
 from swath.documents.j1939 import TRANSPORT, TRANSPORT_DATA, Transport, dbc_file, parse, value_of
 from swath.field_io.logs.columns import unit_symbol
 
@@ -28,6 +30,8 @@ Block = tuple[str, NDArray[np.int64], Array]  # channel, times [ns] since the lo
 Frame = tuple[int, int, bool, bytes]  # time [ns] since the log began, identifier, whether of 29 bits, data
 FRAGMENT = 4 << 20  # bytes of an MF4 file in memory at a time
 FRAMES = 1 << 16  # decoded frames in memory at a time
+VARIABLES = ("X", "P1", "P2", "P3", "P4", "P5", "P6")  # of conversions, as asammdf calls them
+NO_ARITHMETIC = "its conversion, or that of its time, is a formula other than arithmetic"
 BUS = "CAN_DataFrame"  # channel of frames in an MF4 file (ASAM MDF bus logging)
 MAGIC = {b"MDF     ": "MF4", b"UnFinMF ": "MF4", b"LOGG": "BLF", b"date ": "ASC"}
 RIGHT = " right"  # after the unit of a number that counts to the right, where it counts to the left here
@@ -94,10 +98,44 @@ def open_channels(path: Path) -> Channels | None:
         raise InputError("log", path.name, f"expected a whole {kind} file: {error}", file=path) from error
 
 
+def _computed(text: str) -> Any:
+    """What asammdf asks of numexpr, and else of sympy, both of which make code of a formula: without code.
+
+    Its variables stand where it asks: X, and those of a rational conversion. It wrote X for every x.
+    """
+    asking = sys._getframe(1).f_locals
+    known = {name.lower(): asking[name] for name in VARIABLES if name in asking}
+    return computed(text.replace("X", "x").replace("P", "p"), known)
+
+
+def _formulas(conversion: Any) -> Iterator[str]:
+    """Formulas of a conversion, and of those that its tables refer to."""
+    if hasattr(conversion, "formula"):  # a reference may be a text, too
+        yield from filter(None, [conversion.formula])
+        for inner in (conversion.referenced_blocks or {}).values():
+            yield from _formulas(inner)
+
+
+def _without_arithmetic(mdf: Any) -> set[tuple[int, int]]:
+    """Channels by group and index with a formula that is not computed here."""
+    found = set()
+    for group, about in enumerate(mdf.groups):
+        for index, channel in enumerate(about.channels):
+            try:
+                for text in _formulas(channel.conversion):
+                    computed(text.replace("X", "x"), dict.fromkeys(("x", "x1"), np.zeros(1)))
+            except (ValueError, TypeError):
+                found.add((group, index))
+    return found
+
+
 @contextmanager
 def _mdf(path: Path) -> Iterator[Any]:
     with Extra("mf4", "reading MF4"):
         from asammdf import MDF
+        from asammdf.blocks import v2_v3_blocks, v4_blocks
+    for module in (v2_v3_blocks, v4_blocks):
+        vars(module).update(evaluate=_computed, lambdify=None)
     with open_to_read(path, "log", "an MF4 file") as file:  # by a path it maps all of it
         try:
             mdf = MDF(file)
@@ -124,8 +162,13 @@ class Mf4:
         starts, ends = [0], [0]
         with _mdf(path) as mdf:
             masters = set(mdf.masters_db.items())
+            wrong = _without_arithmetic(mdf)
+            lost = {group for group, index in masters if (group, index) in wrong}
             for name, of_name in mdf.channels_db.items():
-                places = [p for p in of_name if p not in masters and _count(mdf, p[0])]
+                if any(place in wrong or place[0] in lost for place in of_name):
+                    self.notes[f"{name} is left out: {NO_ARITHMETIC}"] = 1
+                kept = [p for p in of_name if p not in wrong and p[0] not in lost]
+                places = [p for p in kept if p not in masters and _count(mdf, p[0])]
                 for group, index in places:
                     about = mdf.groups[group].channel_group.acq_name or str(group)
                     full = name if len(places) == 1 else f"{about}.{name}"
@@ -334,6 +377,8 @@ def _in_mf4(path: Path) -> Iterator[Frame]:
     """Frames of an MF4 file, by the time; those of several buses together."""
     with _mdf(path) as mdf:
         places = mdf.channels_db[BUS]
+        if {group for group, _ in places} & {group for group, _ in _without_arithmetic(mdf)}:
+            raise InputError("log", BUS, f"expected plain frames, {NO_ARITHMETIC}", file=path)
         yield from merge(
             *(_of_group(mdf, group, index) for group, index in places), key=lambda frame: frame[0]
         )
