@@ -239,10 +239,10 @@ class _Reader:
         if kind == "row" and content[0] in NUMBERS:
             return array(content[0], self._take(content[1]))
         if kind == "number":
-            return np.frombuffer(self._take(content[1]), _dtype(content[0]))[0]
+            return np.frombuffer(self._take(content[1]), dtype_of(content[0]))[0]
         if kind == "array":
             described, order, shape, size = content
-            found = np.frombuffer(self._take(size), _dtype(described))
+            found = np.frombuffer(self._take(size), dtype_of(described))
             return found.reshape(shape, order=order).copy(order="K")
         if kind == "type":
             return self._types[content]
@@ -285,7 +285,7 @@ class _Reader:
         return self._data[self._at - size : self._at]
 
 
-def _dtype(described: Any) -> np.dtype[Any]:
+def dtype_of(described: Any) -> np.dtype[Any]:
     """The dtype that a description stands for; JSON has turned the tuples of the description into lists."""
     given: Any = described if isinstance(described, str) else [tuple(part) for part in described]
     found = np.lib.format.descr_to_dtype(given)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError
 from swath.core.files.read_file import check_readable
 from swath.core.portable import product
@@ -59,7 +60,7 @@ def read_mesh(path: Path, *, key: str, file: Path | None = None) -> tuple[MeshPa
     try:
         stat = check_readable(path, key, "a mesh file").stat()
         with readable(key, "a mesh that can be read", path):
-            return _read(path, stat.st_mtime_ns, stat.st_size)
+            return tuple(_read(path, stat.st_mtime_ns, stat.st_size))
     except InputError as error:
         raise InputError(key, str(path), error.expected, file=file) from error
 
@@ -83,6 +84,7 @@ def _bad(expected: str) -> InputError:
 
 
 @lru_cache(maxsize=16)
+@apart("mesh", "a mesh that can be read", libraries=("trimesh", "trimesh.exchange.load"), records=(MeshPart,))
 def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
     """As `read_mesh`; read again when the file has changed."""
     if size > BYTES_MAX:

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError
 from swath.documents.witness import Pair, judge, ratio
 from swath.field.maps.band import GROUND, check_ground, horizontal, read_band
 from swath.field.maps.projection import transform
-from swath.field.maps.raster import Raster, open_geotiff
+from swath.field.maps.raster import LIBRARIES, Raster, open_geotiff
 from swath.field_io.heights import carry_on
 from swath.field_io.logs.log import Log
 
@@ -24,6 +25,7 @@ OTHER_PASS = 60.0  # s between records of two passes
 LEAST_KNOWN = 0.8  # share of the cells around the field that must have a height
 
 
+@apart("dem", "a readable GeoTIFF", libraries=LIBRARIES, records=(Raster,))
 def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     """Heights [m] of a GeoTIFF at the cells of grid (bilinear), and the share of cells it knows.
 

@@ -16,6 +16,7 @@ from struct import Struct
 from sys import byteorder
 from typing import Any, BinaryIO, Protocol, runtime_checkable
 
+from swath.core.apart.call import written_here
 from swath.core.errors import InputError
 from swath.core.files.read_file import open_to_read
 from swath.core.files.unnamed_file import UnnamedFile
@@ -443,6 +444,7 @@ class McapFile:
                     write_metadata(self.path, self._topics, self._end, self._count)
             finally:
                 self._stream.close()
+                written_here(self.path)
                 self.make.keep()
 
     def _declare(self, topic: str, msgtype: str, is_latched: bool) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swath.core.schedule import NS
 from swath.record.charts import Columns
-from swath.record.read.mcap_log import McapLog
+from swath.record.read.files import open_log
 from swath.record.read.scans import cloud_table
 from swath.record.tracks import SHOWN_ROWS, EvenRows
 from swath.runtime.world import Machine
@@ -68,7 +68,7 @@ def recorded(folder: Path, scanners: Mapping[str, Collection[str]]) -> Recorded 
         return None
     known = {f"/{m}/{slot}/truth": ScannerEchoes(m, slot) for m, slots in scanners.items() for slot in slots}
     loads = {f"/{machine}/process/load": machine for machine in scanners}
-    log = McapLog(path)
+    log = open_log(path)
     topics = [t for t in log.topics() if t in known or t in loads]
     straw: dict[str, EvenRows] = {}
     for topic, t, message in log.messages(topics):

@@ -5,7 +5,7 @@ working folder, where somebody may have put a `numpy.py`.
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -47,11 +47,33 @@ def skip_folder_settings() -> None:
             os.chdir(here)
 
 
-def start_module(name: str, *words: str, **options: Any) -> "subprocess.Popen[bytes]":
-    """Start `python -m NAME WORDS`, which finds what this process finds. options: of Popen."""
+def start_module(
+    name: str, *words: str, environment: Mapping[str, str] | None = None, **options: Any
+) -> "subprocess.Popen[bytes]":
+    """Start `python -m NAME WORDS`, which finds what this process finds.
+
+    environment: variables besides those of this process; options: of Popen
+    """
     import swath
 
     root = os.path.dirname(os.path.dirname(swath.__file__))
     path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "PYTHONPATH": path}
-    return subprocess.Popen([sys.executable, "-P", "-m", name, *words], env=environment, **options)
+    variables = {**os.environ, **(environment or {}), "PYTHONPATH": path}
+    return subprocess.Popen([interpreter(), "-P", "-m", name, *words], env=variables, **options)
+
+
+def interpreter() -> str:
+    """The Python of this process; in a program that has Python inside, the one that it takes modules from.
+
+    FileNotFoundError where none is there.
+    """
+    version, suffix = f"{sys.version_info[0]}.{sys.version_info[1]}", ".exe" if os.name == "nt" else ""
+    names = [f"python{version}{suffix}", f"python3{suffix}", f"python{suffix}"]
+    if os.path.basename(sys.executable or "").lower().startswith("python"):
+        return sys.executable
+    for prefix in (sys.prefix, sys.exec_prefix, sys.base_prefix):
+        for folder in (prefix, os.path.join(prefix, "Scripts" if os.name == "nt" else "bin")):
+            for name in names:
+                if os.access(path := os.path.join(folder, name), os.X_OK) and os.path.isfile(path):
+                    return path
+    raise FileNotFoundError(f"expected {names[0]} in {sys.prefix}")

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swath.core.apart.call import apart, written_here
 from swath.core.errors import Extra, InputError
 from swath.core.files.read_file import check_readable
 from swath.core.files.whole_file import new_file
@@ -22,6 +23,13 @@ from swath.documents.packed import readable
 from swath.field.maps.band import PLAIN, Quantity, check_ground, horizontal, read_band
 
 Array = NDArray[np.float64]
+LIBRARIES = (
+    "rasterio",
+    "rasterio.crs",
+    "rasterio.errors",
+    "rasterio.warp",
+    "rasterio.windows",
+)  # of a reader
 CELLS_MAX = 50_000_000  # of a map held in memory: 50 km2 in cells of 1 m
 
 
@@ -98,21 +106,7 @@ class Raster:
         rotated, has cells that are not square, numbers that cannot be meant, or, unless it `may_be_empty`,
         none at all.
         """
-        path = Path(path)
-        with open_geotiff(path) as dataset:
-            epsg = _metric_epsg(dataset.crs, path)
-            cell = _cell(dataset.transform, path)
-            _check_cells(dataset, path)
-            read = read_band(dataset, path, quantity, band=band)
-            west, north = float(dataset.transform.c), float(dataset.transform.f)
-        values, notes = np.ascontiguousarray(read.values[::-1]), read.notes
-        if not (may_be_empty or np.isfinite(values).any()):
-            raise InputError("raster", None, "expected at least one number, every cell is empty", file=path)
-        if quantity.is_ground:
-            notes += check_ground(values, cell, path)
-        east0, north0 = origin if origin is not None else (0.0, 0.0)
-        y0 = north - (values.shape[0] - 0.5) * cell - north0
-        return Raster(values, west + 0.5 * cell - east0, y0, cell, epsg, notes)
+        return _read(Path(path), origin, quantity, may_be_empty, band)
 
     def to_geotiff(
         self,
@@ -141,6 +135,7 @@ class Raster:
             dataset.set_band_unit(1, unit)
             dataset.close()
             file.write(memory.getbuffer())
+        written_here(Path(path))
 
     def _corners(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array, Any]:
         """Values of the four cells around each point, shape (4, ...): SW, SE, NW, NE;
@@ -160,6 +155,27 @@ class Raster:
     def _index(self, position: ArrayLike, start: float) -> Array:
         value = (np.asarray(position, dtype=float) - start) / self.cell
         return np.where(np.isfinite(value), value, -1e9)
+
+
+@apart("raster", "a readable GeoTIFF", libraries=LIBRARIES, records=(Raster,))
+def _read(
+    path: Path, origin: tuple[float, float] | None, quantity: Quantity, may_be_empty: bool, band: int | None
+) -> Raster:
+    """As `Raster.from_geotiff`."""
+    with open_geotiff(path) as dataset:
+        epsg = _metric_epsg(dataset.crs, path)
+        cell = _cell(dataset.transform, path)
+        _check_cells(dataset, path)
+        read = read_band(dataset, path, quantity, band=band)
+        west, north = float(dataset.transform.c), float(dataset.transform.f)
+    values, notes = np.ascontiguousarray(read.values[::-1]), read.notes
+    if not (may_be_empty or np.isfinite(values).any()):
+        raise InputError("raster", None, "expected at least one number, every cell is empty", file=path)
+    if quantity.is_ground:
+        notes += check_ground(values, cell, path)
+    east0, north0 = origin if origin is not None else (0.0, 0.0)
+    y0 = north - (values.shape[0] - 0.5) * cell - north0
+    return Raster(values, west + 0.5 * cell - east0, y0, cell, epsg, notes)
 
 
 def _rasterio() -> Any:

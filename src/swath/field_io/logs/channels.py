@@ -5,24 +5,30 @@ the messages of ISO 11783 that come with swath. Files are read by blocks; a long
 Messages of several frames (J1939 transport) are put together, at the time of their last frame.
 """
 
+import re
 import sys
+import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from heapq import merge
-from io import TextIOWrapper
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from traceback import walk_tb
+from types import SimpleNamespace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError, SwathError
-from swath.core.files.read_file import check_readable, open_to_read
+from swath.core.files.read_file import open_to_read
 from swath.core.units import UNITS, Unit
 from swath.documents.formula import computed
 from swath.documents.j1939 import TRANSPORT, TRANSPORT_DATA, Transport, dbc_file, parse, value_of
+from swath.documents.packed import most_unpacked
+from swath.documents.text_file import read_bytes
 from swath.field_io.logs.columns import unit_symbol
 
 Array = NDArray[np.float64]
@@ -35,6 +41,11 @@ NO_ARITHMETIC = "its conversion, or that of its time, is a formula other than ar
 BUS = "CAN_DataFrame"  # channel of frames in an MF4 file (ASAM MDF bus logging)
 MAGIC = {b"MDF     ": "MF4", b"UnFinMF ": "MF4", b"LOGG": "BLF", b"date ": "ASC"}
 RIGHT = " right"  # after the unit of a number that counts to the right, where it counts to the left here
+LONGEST = 1785  # bytes of a message: of the transport protocol of SAE J1939-21
+_LENGTHS = re.compile(
+    r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)\s*:\s*(?P<bytes>\d+)|SG_[^:]*:\s*\d+\s*\|\s*(?P<bits>\d+)\s*@)",
+    re.MULTILINE,
+)
 _KINDS = {unit.symbol: unit for unit in UNITS.values()}
 _KINDS |= {"1/km": Unit("1/km", "per length", 1e-3), "W": Unit("W", "power"), "Pa": Unit("Pa", "pressure")}
 _SI = {unit.kind: unit.symbol for unit in reversed(_KINDS.values()) if unit.factor == 1.0}
@@ -86,16 +97,7 @@ def open_channels(path: Path) -> Channels | None:
             expected = f"expected {named}, which its first bytes are not"
             raise InputError("log", path.name, expected, file=path)
         return None
-    try:
-        if kind != "MF4":
-            return Bus(path, lambda: _logged(path))
-        with _mdf(path) as mdf:
-            has_frames = BUS in mdf.channels_db
-        return Bus(path, lambda: _in_mf4(path)) if has_frames else Mf4(path)
-    except SwathError:
-        raise
-    except Exception as error:  # what a broken file raises depends on where it is broken
-        raise InputError("log", path.name, f"expected a whole {kind} file: {error}", file=path) from error
+    return _opened(path, kind)
 
 
 def _computed(text: str) -> Any:
@@ -133,9 +135,10 @@ def _without_arithmetic(mdf: Any) -> set[tuple[int, int]]:
 def _mdf(path: Path) -> Iterator[Any]:
     with Extra("mf4", "reading MF4"):
         from asammdf import MDF
-        from asammdf.blocks import v2_v3_blocks, v4_blocks
+        from asammdf.blocks import mdf_v4, v2_v3_blocks, v4_blocks
     for module in (v2_v3_blocks, v4_blocks):
         vars(module).update(evaluate=_computed, lambdify=None)
+    vars(mdf_v4).update(NamedTemporaryFile=lambda dir: BytesIO())  # its scratch stays in memory
     with open_to_read(path, "log", "an MF4 file") as file:  # by a path it maps all of it
         try:
             mdf = MDF(file)
@@ -249,8 +252,9 @@ class Bus:
         self.path, self._of_file = path, frames
         self.notes: dict[str, int] = {}
         file = _database_of(path)
+        text = read_bytes(file, "database", "a DBC file").decode("cp1252", errors="replace")
         try:
-            database = cantools.database.load_file(str(check_readable(file, "database", "a DBC file")))
+            database = cantools.database.load_string(_with_short_signals(text), "dbc")
         except (cantools.Error, ValueError) as error:
             raise InputError("database", file.name, f"expected a DBC file: {error}", file=file) from error
         self.notes[f"frames decoded by {file.name}"] = 1
@@ -328,6 +332,24 @@ class Bus:
         yield from _packed(held)
 
 
+LIBRARIES = ("asammdf", "can", "can.io.blf", "cantools")  # that read measurements
+
+
+@apart("log", "a measurement", libraries=LIBRARIES, kept=(Mf4, Bus))
+def _opened(path: Path, kind: str) -> Channels:
+    """The reader of a measurement. InputError where it cannot be read."""
+    try:
+        if kind != "MF4":
+            return Bus(path, lambda: _logged(path))
+        with _mdf(path) as mdf:
+            has_frames = BUS in mdf.channels_db
+        return Bus(path, lambda: _in_mf4(path)) if has_frames else Mf4(path)
+    except (SwathError, MemoryError):
+        raise
+    except Exception as error:  # what a broken file raises depends on where it is broken
+        raise InputError("log", path.name, f"expected a whole {kind} file: {error}", file=path) from error
+
+
 def _packed(held: Mapping[str, list[tuple[int, float]]]) -> Iterator[Block]:
     for name, pairs in held.items():
         yield name, np.array([t for t, _ in pairs], np.int64), np.array([v for _, v in pairs])
@@ -349,6 +371,19 @@ def _ns(seconds: Any) -> NDArray[np.int64]:
     return np.asarray(np.round(np.asarray(seconds, float) * 1e9), np.int64)
 
 
+def _with_short_signals(text: str) -> str:
+    """The text of a DBC file. ValueError for a signal longer than its message, or a message than any."""
+    most, name = 0, ""
+    for found in _LENGTHS.finditer(text):
+        if found["bytes"] is not None:
+            most, name = 8 * int(found["bytes"][:9]), found["message"]
+            if most > 8 * LONGEST:
+                raise ValueError(f"a message {name[:40]} of {found['bytes'][:20]} bytes")
+        elif len(found["bits"]) > 6 or int(found["bits"]) > most:
+            raise ValueError(f"a signal of {found['bits'][:20]} bits in {name[:40]}, which has {most}")
+    return text
+
+
 def _database_of(path: Path) -> Path:
     """The DBC file that a log is decoded by."""
     beside = path.with_suffix(".dbc")
@@ -359,10 +394,25 @@ def _database_of(path: Path) -> Path:
     return found[0] if found else dbc_file()
 
 
+class _Bounded:
+    """What unpacks a container of a BLF file, no further than an honest one."""
+
+    @staticmethod
+    def decompress(data: bytes) -> bytes:
+        """As of `zlib.decompressobj`. ValueError for one that holds more than its size can."""
+        unpacking, most = zlib.decompressobj(), most_unpacked(len(data))
+        found = unpacking.decompress(data, most)
+        if unpacking.unconsumed_tail:
+            raise ValueError(f"a container of {len(data)} bytes unpacks to more than {most}")
+        return found
+
+
 def _logged(path: Path) -> Iterator[Frame]:
     """Frames of a BLF or ASC file, to the microsecond."""
     with Extra("can", "reading frames"):
         import can
+        from can.io import blf
+    vars(blf).update(zlib=SimpleNamespace(decompressobj=_Bounded))
     with open_to_read(path, "log", "a log of frames") as file:
         is_text = kind_of(path) == "ASC"
         reader: Any = can.ASCReader(TextIOWrapper(file)) if is_text else can.BLFReader(file)

@@ -10,18 +10,20 @@ import shutil
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from math import prod
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
+from zipfile import ZipFile
 
+from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError
 from swath.core.files.temporary import TemporaryFolder
-from swath.core.files.whole_file import write_whole
 from swath.documents.packed import open_archive
 from swath.link.fmi.units import BASE, Unit, known_unit
 
@@ -80,9 +82,8 @@ DEFAULT = "continuous"  # variability of what says none (FMI 2.0.3, 2.2.7); FMPy
 _VALUES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
-@contextmanager
-def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
-    """A copy of an FMU's description for reading, and what was left out of it, one line each.
+def repaired(file: Path) -> tuple[BytesIO, list[str]]:
+    """An FMU with a description that can be read, and nothing else; what was left out of it, one line each.
 
     Left out: the model structure, derivatives, types that are not defined, variabilities that do not go with
     the causality.
@@ -98,10 +99,10 @@ def repaired(file: Path) -> Iterator[tuple[Path, list[str]]]:
             repairs.append("its model structure is left out")
         for child in list(node):
             node.remove(child)
-    with TemporaryFolder("fmu") as folder:
-        copy = folder / "modelDescription.xml"
-        write_whole(copy, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
-        yield copy, repairs
+    made = BytesIO()
+    with ZipFile(made, "w") as archive:
+        archive.writestr("modelDescription.xml", ElementTree.tostring(root, encoding="utf-8"))
+    return made, repairs
 
 
 def _repair_variable(node: Any, types: set[str | None]) -> list[str]:
@@ -239,6 +240,7 @@ class Clock:
     shift: float
 
 
+@apart("file", "an FMU", libraries=("fmpy", "lxml.etree"), records=(Description, Variable, Clock, Unit))
 def read_fmu(file: Path, key: str = "file") -> Description:
     """Read an FMU without unpacking it. InputError names what makes it unusable, `faults` what does not."""
     with Extra("fmi", "an FMU"):
@@ -306,8 +308,8 @@ def _model(file: Path, key: str) -> tuple[Any, list[str]]:
     with suppress(Exception):
         return read_model_description(str(file), validate=False), faults
     try:
-        with repaired(file) as (copy, repairs):
-            return read_model_description(str(copy), validate=False), repairs or faults
+        copy, repairs = repaired(file)
+        return read_model_description(copy, validate=False), repairs or faults
     except Exception as error:
         raise InputError(key, str(file), f"expected {DESCRIBED}: {reason(error)}") from error
 

@@ -32,7 +32,8 @@ Route = Callable[[bytes, Callable[[], Any]], None]
 class Publisher:
     """A tap of the recording (`McapFile.taps`). node: of rclpy; store: the recording's message types.
 
-    count: messages published so far; left_out: topics that are not published -> why
+    count: messages published so far; left_out: topics that are not published -> why; replaced: those of which
+    standard messages are sent
     """
 
     def __init__(self, node: Any, store: Any) -> None:
@@ -41,6 +42,7 @@ class Publisher:
         self._publishers: dict[str, Any] = {}
         self.count = 0
         self.left_out: dict[str, str] = {}
+        self.replaced = set[str]()
 
     def __call__(self, topic: str, t: int, data: bytes, build: Callable[[], Any], is_latched: bool) -> None:
         """Publish one message."""
@@ -66,7 +68,7 @@ class Publisher:
         if topic == CLOCK:
             return None
         if has_type(msgtype):
-            wanted = [name for name, _ in self._store.fielddefs[msgtype][1]]
+            wanted = [name for name in vars(message) if not name.startswith("_")]
             if list(type_of(msgtype).get_fields_and_field_types()) != wanted:
                 self._leave_out(topic, f"the installed {msgtype} has other fields")
                 return None
@@ -77,6 +79,7 @@ class Publisher:
             self._leave_out(topic, f"{msgtype} is not installed, and no standard message replaces it")
             return None
         other, make = found
+        self.replaced.add(topic)
         publisher = self._publisher(TRANSFORM_TOPICS.get(topic, topic), other, is_latched)
 
         def send(_: bytes, build: Callable[[], Any]) -> None:

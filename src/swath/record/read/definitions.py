@@ -6,12 +6,15 @@ what a definition says that a message has at least is compared with its length. 
 no more than its bytes.
 """
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from swath.documents.packed import MIB
 
 MOST_TEXT = MIB  # bytes of the definitions of one type
+NAME = re.compile(r"[a-z]\w*", re.ASCII | re.IGNORECASE)
+_ASIDE = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*|/\*.*?\*/', re.DOTALL)  # texts and comments of IDL
 MOST_UNROLLED = 4096  # elements of arrays of texts and messages in them
 
 
@@ -61,13 +64,42 @@ class Definitions:
 
 def definitions_of(text: bytes, name: str, *, is_idl: bool = False) -> Definitions:
     """The definitions in a text. Raises what rosbags raises for another text, and as `Definitions`."""
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
-
     if len(text) > MOST_TEXT:
         raise ValueError(f"a definition of {len(text)} bytes")
-    return Definitions(
-        get_types_from_idl(text.decode()) if is_idl else get_types_from_msg(text.decode(), name)
-    )
+    return Definitions(types_of_idl(text.decode()) if is_idl else types_of_msg(text.decode(), name))
+
+
+def types_of_msg(text: str, name: str) -> dict[str, Any]:
+    """As rosbags, with names and constants that are such: it makes code of them. ValueError."""
+    from rosbags.typesys import get_types_from_msg
+
+    return _named_soundly(get_types_from_msg(text, name))
+
+
+def types_of_idl(text: str) -> dict[str, Any]:
+    """As `types_of_msg`, without expressions: rosbags computes them, and goes through those in brackets
+    several times at every depth. What writes definitions writes numbers.
+    """
+    from rosbags.typesys import get_types_from_idl
+
+    bare, depth = _ASIDE.sub("", text), 0
+    for character in bare:
+        depth += (character == "(") - (character == ")")
+        if depth > 1:
+            raise ValueError("brackets within brackets")
+    if "<<" in bare:
+        raise ValueError("an expression, a number was expected")
+    return _named_soundly(get_types_from_idl(text))
+
+
+def _named_soundly(types: dict[str, Any]) -> dict[str, Any]:
+    for kind, (constants, fields) in types.items():
+        own = [name for name, *_ in (*constants, *fields)]
+        if odd := [name for name in (*kind.split("/"), *own) if not NAME.fullmatch(name)]:
+            raise ValueError(f"{odd[0][:40]!r} is no name")
+        if odd := [name for name, _, value in constants if type(value) not in (bool, int, float, str)]:
+            raise ValueError(f"the constant {odd[0]} is no number and no text")
+    return types
 
 
 def _base_bytes(name: str) -> int:

@@ -6,22 +6,26 @@ database, or packed, with its index, `ChannelLog` MF4, BLF and ASC.
 
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, Protocol
 
+from swath.core.apart.call import apart
 from swath.core.errors import InputError
 from swath.core.files.read_file import open_to_read
+from swath.core.files.temporary import TemporaryFolder
+from swath.core.files.whole_file import new_file, write_whole
 from swath.core.schedule import NS
-from swath.documents.packed import most_unpacked
-from swath.documents.yaml_document import read_document
+from swath.documents.packed import most_unpacked, readable
+from swath.documents.yaml_document import dump, read_document
 from swath.field_io.logs.channels import open_channels
 from swath.record.formats import ABOUT, RECORDING, check_format, read_about
 from swath.record.read.channel_log import ChannelLog
-from swath.record.read.definitions import Definitions
+from swath.record.read.definitions import Definitions, types_of_idl, types_of_msg
 from swath.record.read.mcap_log import BROKEN, CUT_OFF, MAGIC, McapLog, unpacked_message
 from swath.record.read.rosbag1 import MAGIC as MAGIC_1
 from swath.record.read.rosbag1 import open_rosbag1
 
-MAGIC_2, DATABASES = b"SQLite format 3", (".db3", ".zstd")  # of a rosbag 2
+PACKED = ".zstd"
+MAGIC_2, DATABASES = b"SQLite format 3", (".db3", PACKED)  # of a rosbag 2
 RUN = "run.mcap"  # of swath, in the order in which it was published
 KINDS = "expected a run folder, an .mcap, .bag, .db3, .mf4, .blf, .asc or the folder of a rosbag 2"
 
@@ -93,17 +97,18 @@ class BagLog:
     """Reads a rosbag 2 with its index; notes as of McapLog."""
 
     def __init__(self, path: Path) -> None:
-        from rosbags.highlevel import AnyReader
+        from rosbags.highlevel import AnyReader, anyreader
         from rosbags.typesys import Stores, get_typestore
 
         self.path = path
         self.notes: dict[str, int] = {}
+        vars(anyreader).update(get_types_from_idl=types_of_idl, get_types_from_msg=types_of_msg)
         self._make: Callable[[], Any] = lambda: AnyReader(
             [path], default_typestore=get_typestore(Stores.ROS2_JAZZY)
         )
         try:
             if path.is_dir():
-                _check_parts(path)
+                read_document(path / "metadata.yaml")  # rosbags reads it without a bound
             with self._make() as reader:
                 self._definitions = Definitions(reader.typestore.fielddefs)
                 self._topics = {c.topic: c.msgtype for c in reader.connections}
@@ -165,22 +170,36 @@ class BagLog:
         return None
 
 
-def _check_parts(folder: Path) -> None:
-    """InputError where the metadata are none, or packed files hold more than they honestly can.
-
-    rosbags reads both without a bound; it unpacks files to the disk.
-    """
+@apart("recording", "a packed recording", libraries=("zstandard",))
+def _unpacked(part: Path) -> Iterator[bytes]:
+    """A packed file, no further than one of its size can honestly hold."""
     import zstandard
 
-    read_document(folder / "metadata.yaml")
-    for part in folder.glob("*.zstd"):
-        most, held = most_unpacked(part.stat().st_size), 0
-        with open_to_read(part, "recording", "a recording") as file:
-            for piece in zstandard.ZstdDecompressor().read_to_iter(file):
-                held += len(piece)
-                if held > most:
-                    expected = f"expected at most {most} bytes unpacked"
-                    raise InputError("recording", part.name, expected, file=part)
+    most, held = most_unpacked(part.stat().st_size), 0
+    with open_to_read(part, "recording", "a recording") as file:
+        for piece in zstandard.ZstdDecompressor().read_to_iter(file):
+            held += len(piece)
+            if held > most:
+                expected = f"expected at most {most} bytes unpacked"
+                raise InputError("recording", part.name, expected, file=part)
+            yield piece
+
+
+def _unpack(folder: Path) -> TemporaryFolder:
+    """The files of a rosbag 2 that are packed whole, unpacked: rosbags would do it where it may not write."""
+    about = read_document(folder / "metadata.yaml").data
+    made = TemporaryFolder("bag")
+    with readable("recording", "metadata of a rosbag 2", folder / "metadata.yaml"):
+        own = about["rosbag2_bagfile_information"]
+        names = [PurePath(str(name)).name for name in own["relative_file_paths"]]
+        for name in names:
+            with new_file(made.path / name.removesuffix(PACKED)) as file:
+                file.writelines(_unpacked(folder / name))
+        bare = [name.removesuffix(PACKED) for name in names]
+        own |= {"relative_file_paths": bare, "compression_mode": "", "compression_format": ""}
+        own.pop("files", None)
+    write_whole(made.path / "metadata.yaml", dump(about))
+    return made
 
 
 def _bounded(reader: Any, path: Path) -> bool:
@@ -197,7 +216,32 @@ def _bounded(reader: Any, path: Path) -> bool:
     return is_packed
 
 
-Log = McapLog | PartsLog | BagLog | ChannelLog
+class Log(Protocol):
+    """A recording as topics and messages. notes: what went wrong, with how often; grows while reading."""
+
+    path: Path
+
+    @property
+    def notes(self) -> dict[str, int]:
+        """What went wrong, with how often."""
+
+    def forget_notes(self) -> None:
+        """Begin to count anew."""
+
+    def topics(self) -> dict[str, str]:
+        """Topic -> type."""
+
+    def begin(self) -> int:
+        """Log time of the first message [ns]; 0 where there is none."""
+
+    def end(self) -> int:
+        """Log time of the last message [ns]; 0 where there is none."""
+
+    def messages(self, wanted: Collection[str], also_first: str = "") -> Iterator[tuple[str, int, Any]]:
+        """(topic, log time [ns], message) of some topics, and the first one of another."""
+
+    def attachment(self, name: str) -> bytes | None:
+        """A file that was put into the recording before its first message."""
 
 
 def open_log(path: Path) -> Log:
@@ -214,11 +258,28 @@ def _open(path: Path) -> Log:
     if (path / RUN).is_file():
         path = path / RUN
     if path.is_dir():
+        if not any(path.glob(f"*{PACKED}")) or not (path / "metadata.yaml").is_file():
+            return _recording(path)
+        unpacked = _unpack(path)
+        log = _recording(unpacked.path)
+        vars(log).update(path=path, unpacked=unpacked)
+        return log
+    is_mcap = path.suffix == ".mcap" or _begins(path, MAGIC)
+    channels = None if is_mcap else open_channels(path)
+    return _recording(path) if channels is None else ChannelLog(channels)
+
+
+LIBRARIES = ("mcap.reader", "mcap.stream_reader", "rosbags.highlevel", "rosbags.typesys", "zstandard",
+             "lz4.frame")  # fmt: skip
+
+
+@apart("recording", "a recording", libraries=LIBRARIES, kept=(McapLog, PartsLog, BagLog))
+def _recording(path: Path) -> Log:
+    """The reader of a recording of messages. InputError where it is none."""
+    if path.is_dir():
         return _open_folder(path)
     if path.suffix == ".mcap" or _begins(path, MAGIC):
         return McapLog(path, by_time=path.name != RUN)
-    if (channels := open_channels(path)) is not None:
-        return ChannelLog(channels)
     if path.suffix == ".bag" or _begins(path, MAGIC_1):
         return open_rosbag1(path)
     if path.suffix not in DATABASES and not _begins(path, MAGIC_2):

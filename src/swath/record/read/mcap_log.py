@@ -11,6 +11,7 @@ from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any
 
+from swath.core.apart.plain import missing_field
 from swath.core.errors import InputError
 from swath.core.files.read_file import open_to_read
 from swath.core.schedule import NS
@@ -361,14 +362,5 @@ def _store_of(schema: Any) -> tuple[Any, int]:
     store = get_typestore(Stores.EMPTY)
     store.register(found.types)
     for kind in store.types.values():
-        kind.__getattr__ = _missing
+        kind.__getattr__ = missing_field
     return store, found.least(name)
-
-
-class MissingField(InputError, AttributeError):
-    """A field that a message has by its standard, not by the definition in the file."""
-
-
-def _missing(message: Any, name: str) -> Any:
-    kind = type(message).__name__.replace("__", "/")
-    raise MissingField("recording", kind, f"expected a field {name}, the definition in the file has none")

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError
 from swath.core.files.read_file import check_readable
 from swath.field.maps.projection import transform
@@ -140,7 +142,9 @@ def _low(frame: Frame, points: F64, height: F64, shape: tuple[int, ...]) -> F64:
     return low_echoes(samples, shape, NODE_CELLS)
 
 
-def _read_las(path: Path, how: Reading) -> Cloud:
+@apart("scans", "a readable LAS or LAZ file", libraries=("laspy", "lazrs"))
+def _points_of_las(path: Path) -> tuple[F64, F64, NDArray[Any], str]:
+    """Points [file units], (n, 3), intensities and classes, (n,), and the system as WKT."""
     with Extra("las", "reading LAS and LAZ"):
         import laspy
         import lazrs
@@ -161,6 +165,11 @@ def _read_las(path: Path, how: Reading) -> Cloud:
     if not parts or not sum(len(p[0]) for p in parts):
         raise InputError("scans", path.name, "expected points, there are none", file=path)
     points, intensity, classes = (np.concatenate(p) for p in zip(*parts, strict=True))
+    return points, intensity, classes, wkt
+
+
+def _read_las(path: Path, how: Reading) -> Cloud:
+    points, intensity, classes, wkt = _points_of_las(path)
     notes: list[str] = []
     points = _in_metres(points, wkt, how.wanted.to_local, path, notes)
     if not intensity.any():
