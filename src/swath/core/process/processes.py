@@ -57,9 +57,12 @@ def start_module(
     import swath
 
     root = os.path.dirname(os.path.dirname(swath.__file__))
-    path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
+    python, installed = interpreter(), list[str]()
+    if python != sys.executable:  # it may not find by itself what the program around this one has
+        installed = [path for path in sys.path if os.path.basename(path).endswith("-packages")]
+    path = os.pathsep.join([root, *installed, *filter(None, [os.environ.get("PYTHONPATH")])])
     variables = {**os.environ, **(environment or {}), "PYTHONPATH": path}
-    return subprocess.Popen([interpreter(), "-P", "-m", name, *words], env=variables, **options)
+    return subprocess.Popen([python, "-P", "-m", name, *words], env=variables, **options)
 
 
 def interpreter() -> str:

@@ -97,7 +97,7 @@ def open_channels(path: Path) -> Channels | None:
             expected = f"expected {named}, which its first bytes are not"
             raise InputError("log", path.name, expected, file=path)
         return None
-    return _opened(path, kind)
+    return _opened_mf4(path) if kind == "MF4" else _opened_frames(path, kind)
 
 
 def _computed(text: str) -> Any:
@@ -332,18 +332,26 @@ class Bus:
         yield from _packed(held)
 
 
-LIBRARIES = ("asammdf", "can", "can.io.blf", "cantools")  # that read measurements
-
-
-@apart("log", "a measurement", libraries=LIBRARIES, kept=(Mf4, Bus))
-def _opened(path: Path, kind: str) -> Channels:
-    """The reader of a measurement. InputError where it cannot be read."""
-    try:
-        if kind != "MF4":
-            return Bus(path, lambda: _logged(path))
+@apart("log", "a whole MF4 file", libraries=("asammdf", "asammdf.blocks.mdf_v4"), kept=(Mf4, Bus))
+def _opened_mf4(path: Path) -> Channels:
+    """The reader of channels, or of frames. InputError where it cannot be read."""
+    with _whole(path, "MF4"):
         with _mdf(path) as mdf:
             has_frames = BUS in mdf.channels_db
         return Bus(path, lambda: _in_mf4(path)) if has_frames else Mf4(path)
+
+
+@apart("log", "a log of frames", libraries=("can", "can.io.blf", "cantools"), kept=(Bus,))
+def _opened_frames(path: Path, kind: str) -> Channels:
+    """The reader of frames. InputError where they cannot be read."""
+    with _whole(path, kind):
+        return Bus(path, lambda: _logged(path))
+
+
+@contextmanager
+def _whole(path: Path, kind: str) -> Iterator[None]:
+    try:
+        yield
     except (SwathError, MemoryError):
         raise
     except Exception as error:  # what a broken file raises depends on where it is broken
