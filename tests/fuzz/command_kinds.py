@@ -99,6 +99,12 @@ def _field_and_dem(folder: Path) -> None:
     Raster(values, 499_700.0, 5_760_900.0, 10.0, 32632).to_geotiff(folder / "d.tif", 32632, unit="m")
 
 
+def _two_machines(folder: Path) -> None:
+    from tests.tools.test_compare_log import write_log
+
+    write_log(folder / "log.csv", count=60)
+
+
 def kinds(known: dict[str, Kind]) -> dict[str, Kind]:
     """Command lines over the files of the kinds that are known."""
     out, run_1 = ("--out", "out"), _run_folder("run")
@@ -115,7 +121,6 @@ def kinds(known: dict[str, Kind]) -> dict[str, Kind]:
         ),
         "show": (of["field-folder"], ("field", "show", "field")),
         "fleet": (of["job"], ("fleet", "run", "mine.yaml", *out)),
-        "day": (of["export-sms"], ("fleet", "day", "log.txt", "--known-h", "0.05")),
         "sheets": (of["sheet-lidar"], ("sheets", "check", "mine.yaml")),
         "fmu": (of["fmu"], ("fmu", "show", "model.fmu", "--all")),
         "ssp": (of["ssp"], ("fmu", "show", "model.ssp")),
@@ -129,7 +134,7 @@ def kinds(known: dict[str, Kind]) -> dict[str, Kind]:
         "test-plan": (of["test-case"], ("test", "run", "mine.yaml", "--plan-only", *out)),
         "compare": (of["log-engine"], ("compare", "log", "lexion-700", "log.csv")),
         "calibrate": (
-            of["log-engine"], ("calibrate", "engine", "lexion-700", "log.csv", "--out", "engine.yaml")
+            _two_machines, ("calibrate", "engine", "lexion-700", "log.csv", "--out", "engine.yaml")
         ),
         "view": (run_1, ("view", "run")),
         "report": (run_1, ("report", "run")),

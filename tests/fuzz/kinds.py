@@ -7,6 +7,7 @@ import shutil
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -15,7 +16,9 @@ import numpy as np
 
 from tests.fuzz.abroad_kinds import ABROAD
 from tests.fuzz.command_kinds import kinds
+from tests.fuzz.kept_kinds import kept_kinds
 from tests.fuzz.kind import Kind, bundled, written
+from tests.fuzz.measured_kinds import MEASURED
 
 # ---- scenarios and data sheets
 
@@ -61,11 +64,12 @@ def _packed_log(folder: Path) -> None:
     path.unlink()
 
 
-def _read_log(folder: Path) -> Any:
+def _read_log(folder: Path, **how: Any) -> Any:
     from swath.field_io.logs.log import read_log
 
     log = next(p for p in folder.iterdir() if p.name.startswith("log."))
-    return read_log(log, folder / "map.yaml" if (folder / "map.yaml").is_file() else None, header_width=6.0)
+    columns = folder / "map.yaml" if (folder / "map.yaml").is_file() else None
+    return read_log(log, columns, header_width=6.0, **how)
 
 
 def _import(folder: Path) -> Any:
@@ -105,10 +109,10 @@ def _log_shapefile(folder: Path) -> None:
             archive.writestr(f"a.{kind}", data.getvalue())
 
 
-def _task_data(folder: Path) -> None:
+def _task_data(folder: Path, count: int = 40) -> None:
     from tests.field.made_taskdata import simple_records, write
 
-    write(folder, {"TLG00001": b"".join(simple_records(40))})
+    write(folder, {"TLG00001": b"".join(simple_records(count))})
 
 
 def _read_task_data(folder: Path) -> Any:
@@ -118,7 +122,7 @@ def _read_task_data(folder: Path) -> Any:
 
 
 def _task_zip(folder: Path) -> None:
-    _task_data(folder / "part")
+    _task_data(folder / "part", 300)
     with zipfile.ZipFile(folder / "log.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         for part in sorted((folder / "part").iterdir()):
             archive.write(part, f"TASKDATA/{part.name}")
@@ -209,6 +213,7 @@ def _read_field_folder(folder: Path) -> Any:
     from swath.field_io.pass_scenario import write_pass_scenario
 
     found = read(folder / "field")
+    found._repr_html_()
     write_pass_scenario(folder / "field")
     return found
 
@@ -293,6 +298,7 @@ def _from_bag(name: str, topic: str) -> Callable[[Path], Any]:
         from swath.record.read.files import open_log
 
         log = open_log(folder / name)
+        _ = log.begin(), log.end()
         for wanted in log.topics():
             for _ in log.messages((wanted,)):
                 pass
@@ -462,7 +468,7 @@ KINDS: dict[str, Kind] = {
     "log-import": Kind(_log, _import),
     "log-gz": Kind(_packed_log, _read_log),
     "log-engine": Kind(_engine_log, _machine_log),
-    "log-shapefile": Kind(_log_shapefile, _read_log),
+    "log-shapefile": Kind(_log_shapefile, partial(_read_log, as_map=True)),
     "isoxml": Kind(_task_data, _read_task_data),
     "isoxml-zip": Kind(_task_zip, _read_log),
     "outline-geojson": Kind(written("b.geojson", _features(POLYGON)), _outline),
@@ -489,8 +495,11 @@ KINDS: dict[str, Kind] = {
     "fmu": Kind(_fmu, _read_fmu),
     "ssp": Kind(_system, _read_system),
     **ABROAD,
+    **MEASURED,
 }
 KINDS |= kinds(KINDS)
+KINDS |= kept_kinds(KINDS)
+REFUSED = {"mf4-older"}  # kinds whose whole files are refused: MDF 3
 
 
 def repacked(data: bytes, change: Callable[[bytes], bytes], pick: Callable[[list[str]], str]) -> bytes:

@@ -4,6 +4,7 @@
     python -m tests.fuzz.run --kinds geotiff,isoxml --cases 500
     python -m tests.fuzz.run --kinds geotiff --only 17   # one case again, with its traceback
 
+First whole files of each kind are read, which has to pass.
 Cases run in a worker process with a limit on its memory; one that hangs or dies is replaced. A case is told
 by its kind and number; the same two give the same bytes. Exit code 1 where a case failed.
 """
@@ -26,13 +27,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.kinds import KINDS, repacked
+from tests.fuzz.inside import INSIDE, SPOTS, damaged
+from tests.fuzz.kinds import KINDS, REFUSED, repacked
 from tests.fuzz.mutate import mutated
 
 MEMORY_GB, MOST_MIB, LONGEST = 6, 2048, 300  # of addresses; of memory that is used; of a message
 CASE_S, STUCK_S = 60.0, 600.0  # of a case: processor time, and by the clock of one that waits for something
-BINARY = {".tif", ".gz", ".zip", ".npz", ".mcap", ".bag", ".db3", ".glb", ".fmu", ".ssp", ".bin", ".parquet"}
-PACKED = {".zip", ".npz", ".fmu", ".ssp"}
+BINARY = {".tif", ".gz", ".zip", ".npz", ".mcap", ".bag", ".db3", ".glb", ".fmu", ".ssp", ".bin", ".parquet",
+          ".kmz", ".mf4", ".blf", ".las", ".laz", ".jpg", ".png", ".save"}  # fmt: skip
+PACKED = {".zip", ".npz", ".fmu", ".ssp", ".kmz"}
+WHOLE = -1  # number of the case that is not damaged
 
 
 class Seeds:
@@ -51,14 +55,19 @@ class Seeds:
 
 
 def damage(seed: Path, work: Path, kind: str, number: int) -> str:
-    """Put the files of a seed, one of them damaged, into a folder; says which."""
+    """Put the files of a seed, one of them damaged, into a folder; says which. number: WHOLE = none"""
     shutil.rmtree(work, ignore_errors=True)
     shutil.copytree(seed, work)
+    if number == WHOLE:
+        return "whole"
     rng = random.Random(f"{kind} {number}")
     file = rng.choice(sorted(p for p in work.rglob("*") if p.is_file()))
     data = file.read_bytes()
     change = partial(mutated, rng=rng, text=file.suffix not in BINARY)
-    if file.suffix in PACKED and rng.random() < 0.7:
+    by_format = random.Random(f"numbers of {kind} {number}")
+    if file.suffix in (*SPOTS, *INSIDE) and by_format.random() < 0.6:
+        file.write_bytes(damaged(data, by_format, file.suffix, partial(mutated, rng=by_format, text=False)))
+    elif file.suffix in PACKED and rng.random() < 0.7:
         file.write_bytes(repacked(data, change, rng.choice))
     else:
         file.write_bytes(change(data))
@@ -164,6 +173,12 @@ def run(kinds: list[str], first: int, cases: int, seconds: float) -> tuple[Count
     with tempfile.TemporaryDirectory() as folder:
         asked = Worker(Path(folder))
         try:
+            for kind in kinds:
+                said, more, *_ = asked.ask(kind, WHOLE)
+                if said != "valid" and not (said == "refused" and kind in REFUSED):
+                    counts["failed"] += 1
+                    failures.append(f"{kind} whole: {said} {more}")
+                    print(failures[-1], flush=True)
             while (left := [k for k in kinds if done[k] < cases]) and time.monotonic() < end:
                 kind = min(left, key=lambda k: spent_in[k])
                 number = first + done[kind]

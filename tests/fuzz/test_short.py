@@ -7,7 +7,11 @@ from tests.fuzz.run import Worker
 
 pytest.importorskip("rasterio")
 pytest.importorskip("trimesh")
-SLOW = {"log-import", "height-grid", "scans-npz", "geotiff", "bag-ros1", "bag-mcap", "run-folder"}
+SLOW = {
+    "log-import", "height-grid", "scans-npz", "geotiff", "bag-ros1", "bag-mcap", "run-folder", "cloud-las",
+    "cloud-laz", "tuning", "test-search", "test-results", "test-estimate", "test-campaign", "saves",
+    "run-again", "run-log", "run-shown", "pictures", "exported", "mf4-played",
+}  # fmt: skip
 LINES = ("import-dem", "import-zip", "import-task", "sheets", "fmu", "words", "jobs", "compare")
 QUICK = [
     kind for kind in KINDS if kind not in SLOW and not kind.startswith(("scenario", "fmu", "ssp", "command"))
