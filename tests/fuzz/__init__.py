@@ -1,4 +1,6 @@
-"""Damaged files of every kind that swath reads, and damaged command lines: done, or refused in short.
+"""Damaged files of every kind that swath reads, damaged command lines, and files that want to act.
 
-Within bounded time and memory. For long: `python -m tests.fuzz.run --minutes 60`; in short: `test_short.py`.
+Done, or refused in short, within bounded time and memory, and nothing acts. For long: `python -m
+tests.fuzz.run --minutes 60` and `python -m tests.fuzz.attacks OUT --run`; in short: `test_short.py` and
+`test_attacks.py`. Which reader has which kind: `python -m tests.fuzz.readers`.
 """
