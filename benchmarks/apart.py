@@ -3,7 +3,8 @@
 python benchmarks/apart.py [--mb 20] [--pairs 5]
 
 A run's log as MF4, BLF, ASC, a bag and a GeoTIFF of about this size are read whole, by turns in this
-process and apart. CPU-s of both processes together; `start` is that of a first small file of the kind apart, less here.
+process and apart. CPU-s of both processes together; `start` is that of a first small file of the kind
+apart, less here.
 """
 
 import argparse

@@ -2,7 +2,7 @@
 
     python -m tests.fuzz.readers      # what each kind is the first to come to, and its seconds
 
-Exit code 1 where a kind is missing.
+Exit code 1 where a kind is missing. A parser of `parsers.py` that is asked in this process is an error.
 """
 
 import ast
@@ -19,7 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import swath
+from swath.core.apart import call
 from tests.fuzz.kinds import KINDS, REFUSED
+from tests.fuzz.parsers import refused
 
 ROOT = Path(swath.__file__).parent
 WATCH = Path(__file__).parent / "watch"
@@ -212,8 +214,10 @@ def come_to(
             before, begin = set(watch.reached), time.process_time()
             (folder / kind).mkdir()
             KINDS[kind].make(folder / kind)
-            with watch():
+            call._written.clear()  # what it made is a stranger's
+            with watch(), refused() as parsers:
                 KINDS[kind].read(folder / kind)
+            assert not parsers, f"{kind}: {parsers}"
             yield kind, watch.reached - before, time.process_time() - begin
     finally:
         watch.close()

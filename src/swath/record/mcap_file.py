@@ -9,14 +9,15 @@ folder a rosbag 2 (version 5 of its information).
 import zlib
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from struct import Struct
 from sys import byteorder
 from typing import Any, BinaryIO, Protocol, runtime_checkable
 
-from swath.core.apart.call import written_here
+from swath.core.apart.call import apart, written_here
 from swath.core.errors import InputError
 from swath.core.files.read_file import open_to_read
 from swath.core.files.unnamed_file import UnnamedFile
@@ -319,6 +320,37 @@ class Declares(Protocol):
         """Take the kind of a topic's messages."""
 
 
+@apart("recording", "a whole run.mcap", libraries=("mcap.stream_reader",), records=(Topic,))
+def _written(source: Path) -> Iterator[tuple[str, Topic, bytes, int, bytes]]:
+    """Messages of a file, in its order: topic, what is said of it, its definition, log time [ns], CDR bytes.
+
+    What is said of a topic, and its definition, come with its first message.
+    """
+    from mcap.records import Channel, Message, Schema
+    from mcap.stream_reader import StreamReader
+
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Any] = {}
+    told = set[str]()
+    with (
+        open_to_read(source, "recording", "a recording") as stream,
+        readable("recording", "a whole run.mcap", source),
+    ):
+        for record in StreamReader(stream).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                about, definition = Topic("", ""), b""
+                if channel.topic not in told:
+                    told.add(channel.topic)
+                    schema = schemas[channel.schema_id]
+                    about, definition = Topic(schema.name, channel.metadata.get(QOS, "")), schema.data
+                yield channel.topic, about, definition, record.log_time, record.data
+
+
 class McapFile:
     """Writer of one file. Topics and types are declared by their first message. make: of messages.
 
@@ -364,33 +396,12 @@ class McapFile:
 
         InputError where it has fewer of them; this file then is of no use.
         """
-        from mcap.records import Channel, Message, Schema
-        from mcap.stream_reader import StreamReader
-
-        schemas: dict[int, Any] = {}
-        channels: dict[int, Any] = {}
-        with (
-            open_to_read(source, "recording", "a recording") as stream,
-            readable("recording", "a whole run.mcap", source),
-        ):
-            for record in StreamReader(stream).records:
-                if isinstance(record, Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, Channel):
-                    channels[record.id] = record
-                elif isinstance(record, Message):
-                    if self._count == count:
-                        break
-                    self._copy(record, channels[record.channel_id], schemas)
+        for topic, about, definition, t, data in islice(_written(source), count):
+            if topic not in self._topics:
+                self._register(about, topic, definition)
+            self.add(topic, t, data)
         if self._count < count:
             raise InputError("recording", source.name, f"expected {count} messages of the run", file=source)
-
-    def _copy(self, message: Any, channel: Any, schemas: Mapping[int, Any]) -> None:
-        """A message as it stands in another file."""
-        topic, schema = channel.topic, schemas[channel.schema_id]
-        if topic not in self._topics:
-            self._register(Topic(schema.name, channel.metadata.get(QOS, "")), topic, schema.data)
-        self.add(topic, message.log_time, message.data)
 
     def rows(self, topic: str, draft: Draft) -> list[bytes] | None:
         """CDR bytes of many messages of a topic; None before one of their form was written."""

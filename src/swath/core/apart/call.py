@@ -146,7 +146,7 @@ class _Process:
         )  # fmt: skip
         layers = os.environ.get(LAYERS, "landlock,seccomp").split(",")
         self._end = weakref.finalize(self, _close, self._child)
-        self._send(([*sys.path], sorted(roots), sorted(libraries), self._most, layers))
+        self._send(pickle.dumps(([*sys.path], sorted(roots), sorted(libraries), self._most, layers)))
         self._awaited, self._is_new = {*filter(None, layers)}, True
 
     @property
@@ -188,8 +188,9 @@ class _Process:
         """The answer to a request. InputError where the process ends over it."""
         dropped, self.dropped[:] = [*self.dropped], []
         read = functools.partial(self._read, until=time.monotonic() + WAITED * place.seconds)
+        asked = pickle.dumps((os.getcwd(), dropped, place.seconds, *request))
         try:
-            self._send((os.getcwd(), dropped, place.seconds, *request))
+            self._send(asked)
             if self._is_new:
                 lacking = self._awaited - {*read_plain(read, {}, self._most)["layers"]}
                 self._is_new = False
@@ -199,14 +200,18 @@ class _Process:
                 raise ValueError("an answer of another form")
             return found
         except Exception as error:  # a broken reader may answer anything
+            broken = place.error(self._why(error, place))
             self.close()
-            raise place.error(self._why(error, place)) from error
+            raise broken from error
         except BaseException:  # Ctrl-C: what it still answers belongs to nobody
             self.close()
             raise
 
     def _why(self, error: Exception, place: _Place) -> str:
         """Why there is no answer, in words."""
+        if isinstance(error, EOFError | BrokenPipeError):
+            with suppress(subprocess.TimeoutExpired):
+                self._child.wait(5.0)
         number, memory = -(self._child.poll() or 0), f"{self._most / 2**30:.2g} GB of memory ({MEMORY_GB})"
         if isinstance(error, TimeoutError) or number == getattr(signal, "SIGXCPU", -1):
             return f"to read it takes more than {place.seconds:.0f} s ({SECONDS})"
@@ -214,8 +219,8 @@ class _Process:
             return f"what reads it ended by signal {number}; it may take {memory}"
         return f"what reads it ended ({error or type(error).__name__})"
 
-    def _send(self, request: Any) -> None:
-        data, file = pickle.dumps(request), self._child.stdin
+    def _send(self, data: bytes) -> None:
+        file = self._child.stdin
         assert file is not None
         file.write(len(data).to_bytes(8, "little") + data)
         file.flush()

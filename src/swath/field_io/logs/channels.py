@@ -138,9 +138,10 @@ def _mdf(path: Path) -> Iterator[Any]:
         from asammdf.blocks import mdf_v4, v2_v3_blocks, v4_blocks
     for module in (v2_v3_blocks, v4_blocks):
         vars(module).update(evaluate=_computed, lambdify=None)
-    vars(mdf_v4).update(NamedTemporaryFile=lambda dir: BytesIO())  # its scratch stays in memory
+    on_disk = mdf_v4.NamedTemporaryFile
     with open_to_read(path, "log", "an MF4 file") as file:  # by a path it maps all of it
         try:
+            mdf_v4.NamedTemporaryFile = lambda dir: BytesIO()  # what it writes meanwhile stays in memory
             mdf = MDF(file)
         except Exception as error:
             for frame, _ in walk_tb(error.__traceback__):
@@ -149,6 +150,8 @@ def _mdf(path: Path) -> Iterator[Any]:
                     vars(half_read).update(header=None, identification=None)
                     half_read.close()
             raise
+        finally:
+            mdf_v4.NamedTemporaryFile = on_disk
         with mdf:
             mdf.configure(read_fragment_size=FRAGMENT)
             yield mdf

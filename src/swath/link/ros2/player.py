@@ -42,7 +42,7 @@ def play(file: Path, *, factor: float = 1.0, wait_s: float = 1.0, name: str = "s
         clock = Clock(node)
         time.sleep(wait_s)
         began = time.monotonic()
-        for topic, t, data, is_latched, message in _messages(file, publisher.replaced):
+        for topic, t, data, is_latched, message in _messages(file, frozenset(publisher.replaced)):
             while clock.due <= t:
                 _wait(began, clock.due, factor)
                 clock.publish(clock.due)
