@@ -123,23 +123,44 @@ ssize_t writev(int file, const struct iovec *parts, int count) {
   return 0;
 }
 
-int rename(const char *from, const char *to) {
-  REAL(rename);
+/* The path of a name in an open folder. */
+static const char *path_in(int in, const char *name, char *path) {
+  char link[64];
+  ssize_t size = 0;
+  if (*name != '/' && in != AT_FDCWD) {
+    snprintf(link, sizeof link, "/proc/self/fd/%d", in);
+    if ((size = readlink(link, path, MOST - 1)) > 0) path[size++] = '/';
+    else size = 0;
+  }
+  snprintf(path + size, MOST - (size_t)size, "%s", name);
+  return path;
+}
+
+int renameat(int in, const char *from, int into, const char *to) {
+  REAL(renameat);
   struct stat about;
-  if (!counter || strncmp(to, folder, strlen(folder)) || stat(from, &about)) return real(from, to);
+  char path[MOST];
+  if (!counter || strncmp(path_in(into, to, path), folder, strlen(folder)) || fstatat(in, from, &about, 0))
+    return real(in, from, into, to);
   int is_hit = event() == at && !is_kind("full") && !is_kind("short");
   if (is_hit && !is_kind("lost")) go();
-  int found = real(from, to);
-  if (!found && place_of(&about) >= 0 && named_count < MOST) snprintf(named[named_count++], 512, "%s", to);
+  int found = real(in, from, into, to);
+  if (!found && place_of(&about) >= 0 && named_count < MOST) snprintf(named[named_count++], 512, "%s", path);
   if (is_hit) go();
   return found;
 }
 
-int unlink(const char *path) {
-  REAL(unlink);
-  if (counter && !strncmp(path, folder, strlen(folder)) && event() == at && !is_kind("full") && !is_kind("short")) go();
-  return real(path);
+int rename(const char *from, const char *to) { return renameat(AT_FDCWD, from, AT_FDCWD, to); }
+
+int unlinkat(int in, const char *name, int flags) {
+  REAL(unlinkat);
+  char path[MOST];
+  int is_ours = counter && !(flags & AT_REMOVEDIR) && !strncmp(path_in(in, name, path), folder, strlen(folder));
+  if (is_ours && event() == at && !is_kind("full") && !is_kind("short")) go();
+  return real(in, name, flags);
 }
+
+int unlink(const char *path) { return unlinkat(AT_FDCWD, path, 0); }
 
 int fsync(int file) {
   REAL(fsync);

@@ -405,6 +405,7 @@ def tune(
     InputError
         Where something cannot be tuned, or `out` holds another tuning.
     """
+    from swath.core.files.place import within
     from swath.tools.tune.page import write_tuned
     from swath.tools.tune.parameters import as_text
     from swath.tools.tune.tune import Tune, run_tune, source_of
@@ -417,7 +418,7 @@ def tune(
         tuple(texts), level, seed,
     )  # fmt: skip
     choices = [f"choice={choice}" for parameter in asked.parameters for choice in parameter.choices]
-    with _allowed(code, [*texts, *choices]):
+    with _allowed(code, [*texts, *choices]), within(Path(out)):
         found = run_tune(Path(out), asked, workers, lambda result: None)
         write_tuned(found)
     return found

@@ -109,5 +109,7 @@ def test_two_writers_of_a_file_never_mix(tmp_path):
 
 
 def test_what_cannot_be_written_is_named_as_it_was_asked_for(tmp_path):
-    with pytest.raises(OSError, match=r"/none/a\.yaml'$"):
-        write_whole(tmp_path / "none" / "a.yaml", "x")
+    (tmp_path / "a.yaml").mkdir()
+    with pytest.raises(OSError) as caught:
+        write_whole(tmp_path / "a.yaml", "x")
+    assert caught.value.filename == str(tmp_path / "a.yaml")

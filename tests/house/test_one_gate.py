@@ -1,4 +1,4 @@
-"""Effects pass one place each: new files, processes, and sockets, buses and terminals."""
+"""Effects pass one place each: files and folders made, moved and removed, processes, sockets, buses."""
 
 import ast
 import re
@@ -13,15 +13,31 @@ STREAMS = {"new_file", "open_to_write", "open_to_append", "BytesIO", "StringIO",
 WRITERS = {
     "savefig", "imsave", "savetxt", "savez", "savez_compressed", "print_png", "print_svg", "ParquetWriter",
     "write_bytes", "write_text", "copyfile", "copy", "copy2", "copytree", "move", "touch", "tofile",
-    "NamedFile", "symlink_to", "hardlink_to", "mknod", "mkfifo",
+    "NamedFile", "symlink_to", "hardlink_to", "mknod", "mkfifo", "symlink", "link", "truncate",
+    "mkdir", "makedirs", "rename", "renames", "unlink", "rmdir", "removedirs", "rmtree",
 }  # fmt: skip
+OF_OS = {"link", "truncate", "remove"}  # others have methods of these names
 OF_SHUTIL = {"copy", "move"}
-NAMED = {"open", "ZipFile", "save", "write", "write_table"}  # where what they get is a path
+NAMED = {
+    "open",
+    "ZipFile",
+    "save",
+    "write",
+    "write_table",
+    "replace",
+    "remove",
+}  # where what they get is a path
 OWN_WRITES = {
-    "core/files/whole_file.py": {"NamedFile"},
-    "kernels.py": {"open"},  # os.devnull
-    "link/device/wires.py": {"symlink_to"},  # to a terminal, at a place that the user named
+    "core/files/place.py": {"mkdir", "open", "replace", "rmdir", "rmtree", "unlink"},  # here all others come
+    "core/files/whole_file.py": {"NamedFile", "open", "replace", "unlink"},  # in a folder that `place` opened
+    "core/files/read_file.py": {"open"},  # to read
+    "core/files/temporary.py": {"open", "rmtree"},  # of folders that nobody else can write
+    "kernels.py": {"mkdir", "open"},  # a cache that nobody else can write; os.devnull
+    "link/device/wires.py": {"open", "symlink_to", "unlink"},  # a terminal; its link where the user named it
+    "link/fmi/instance.py": {"mkdir"},  # in a temporary folder
+    "commands/main.py": {"open"},  # os.devnull
     "commands/new.py": {"copytree"},  # of the examples, to a name that is free
+    "runtime/folder.py": {"mkdir"},  # a new folder in `runs`, never one that is there
 }
 STARTERS = {"Popen", "Process", "ProcessPoolExecutor", "Pool", "get_context", "popen", "fork", "LocalCluster"}
 OWN_STARTS = {  # each through `core/process/processes.py`
@@ -77,9 +93,9 @@ def _opened(function):
 @pytest.fixture(scope="module")
 def calls():
     found = []
-    words = "|".join((WRITERS | STARTERS | {"open", "ZipFile", "write_table"}) - OF_SHUTIL)
+    words = "|".join((WRITERS | STARTERS | {"open", "ZipFile", "write_table", "replace"}) - OF_SHUTIL)
     of_kind = r"(save|write)\(.*(format|do_compress|encoding)="
-    may = re.compile(rf"({words})\(|shutil|subprocess|os\.(exec|sp|sy)|{of_kind}")
+    may = re.compile(rf"({words})\(|shutil|subprocess|os\.(exec|re|sp|sy)|{of_kind}")
     for file in ROOT.rglob("*.py"):
         text = file.read_text(encoding="utf-8")
         if may.search(text):
@@ -95,8 +111,12 @@ def _writes(owner, name, node, streams):
     words = [*node.args, *(k.value for k in node.keywords if k.arg == "mode")]
     modes = {w.value for w in words if isinstance(w, ast.Constant) and isinstance(w.value, str)}
     to_write = any(set(m) <= set("rwxab+t") and set(m) & set("wxa+") for m in modes)
+    if name == "replace":  # of a path takes one thing, of a text or a record more or keywords
+        return owner == "os" or (len(node.args) == 1 and not node.keywords)
+    if name in OF_OS:
+        return owner == "os"
     if name in ("open", "ZipFile"):
-        return to_write and target not in streams
+        return (to_write and target not in streams) or owner == "os"
     if owner == "pq" and name == "write_table":
         return ast.unparse(node.args[1]) not in streams
     if name in WRITERS and (name not in OF_SHUTIL or owner == "shutil"):
@@ -142,6 +162,7 @@ OWN_READS = {  # parts of swath itself, and what it wrote in the same command; a
 }  # fmt: skip
 READERS = re.compile(
     r"\.read_(?:text|bytes)\(|np\.load\(|ParquetFile\(|pq\.read_table\(|(?<!def )(?<![\w.])open\("
+    r"|(?<!os)(?<!gzip)(?<!device)(?<!memory)(?<!Image)(?<!rasterio)(?<!laspy)\.open\("  # of what was opened
 )
 
 

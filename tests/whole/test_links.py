@@ -10,12 +10,12 @@ import pytest
 
 from swath.commands.main import main, make_parser, subcommands
 from swath.core.errors import InputError
+from swath.core.files.place import own_folder
 from swath.core.files.whole_file import (
     PART,
     open_to_append,
     open_to_keep,
     open_to_write,
-    own_folder,
     write_whole,
 )
 from swath.documents.data_sheets import find_sheet

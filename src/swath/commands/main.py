@@ -8,10 +8,12 @@ import sys
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import Any, NoReturn
 
 from swath import __version__
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
+from swath.core.files.place import within
 from swath.core.files.temporary import sweep
 from swath.core.foreign_code import allow_code, code_in, of_exit, texts_in
 from swath.core.process.collector import collect_rarely
@@ -179,6 +181,7 @@ def _dispatch(argv: list[str]) -> int:
             print("swath: --no-code is what holds without --allow-code, it can be left out", file=sys.stderr)
         if vars(args).get("ros2_network"):
             held.enter_context(networked())
+        held.enter_context(within(*(path for path in vars(args).values() if isinstance(path, Path))))
         if (holds := vars(args).get("holds")) and args.out is not None:
             held.enter_context(holds(args.out))
         code: int = args.run(args)

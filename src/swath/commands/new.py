@@ -104,7 +104,6 @@ def run(args: argparse.Namespace) -> int:
     for path in (out, *beside):
         if path.exists() or path.is_symlink():
             raise InputError("FILE", str(path), "expected a name that is free; nothing is overwritten")
-    out.parent.mkdir(parents=True, exist_ok=True)
     if template is None:
         shutil.copytree(folder("examples"), out, ignore=shutil.ignore_patterns("__pycache__"))
         print(out)

@@ -23,7 +23,6 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None:
         print(schema_text(args.kind), end="")
     else:
-        args.out.parent.mkdir(parents=True, exist_ok=True)
         write_schema(args.out, args.kind)
     return 0
 

@@ -6,7 +6,6 @@ docs/how-to/field.md describes the files.
 import base64
 import html
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.output_folder import check_folder, held
+from swath.core.files.place import move, own_folder, remove, remove_tree
 from swath.core.files.whole_file import PART, write_whole
 from swath.documents.text_file import read_bytes
 from swath.documents.yaml_document import dump
@@ -150,15 +150,15 @@ def write(field: FieldFolder, picture: Callable[[FieldFolder, Path], None] | Non
     try:
         with held(out, FILES[:-1], "field", alone=False):
             staged = out / STAGED
-            shutil.rmtree(staged, ignore_errors=True)
+            remove_tree(staged)
             try:
-                staged.mkdir()
+                own_folder(staged)
                 _write_parts(field, staged)
                 if picture is not None:
                     picture(field, staged / PICTURE)
                 _take_places(staged, out)
             finally:
-                shutil.rmtree(staged, ignore_errors=True)
+                remove_tree(staged)
     except OSError as error:
         raise InputError(
             "out", str(out), f"expected a folder that can be written: {error.strerror}"
@@ -177,13 +177,13 @@ def _take_places(staged: Path, out: Path) -> None:
     Between the first and the last there is no field.yaml, so nobody takes half of each for a field.
     """
     if (out / HEAD).is_file():
-        (out / HEAD).replace(out / f"{HEAD}{PART}")
+        move(out / HEAD, out / f"{HEAD}{PART}")
     for name in (*FILES, *MADE):
         if (staged / name).is_file():
-            (staged / name).replace(out / name)
+            move(staged / name, out / name)
         else:
-            (out / name).unlink(missing_ok=True)
-    (out / f"{HEAD}{PART}").unlink(missing_ok=True)
+            remove(out / name)
+    remove(out / f"{HEAD}{PART}")
 
 
 def _write_parts(field: FieldFolder, folder: Path) -> None:

@@ -153,7 +153,6 @@ def to_dict(w: Worked) -> dict[str, Any]:
 
 def write_result(w: Worked, name: str, summary: str, out: Path, changes: str = "") -> None:
     """Write the files of a job. changes: of its keys, by which the folder is known."""
-    out.mkdir(parents=True, exist_ok=True)
     plots.write_picture(out / "job.png", draw(w))
     write_json(out / "results.json", {"name": name, **({"set": changes} if changes else {}), **to_dict(w)})
     w.schedule.plan.write(out / "plan.json")

@@ -67,7 +67,6 @@ def spread_of(
         except InputError as error:
             kept.append(str(error))
         if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
             write_whole(out / FILE, json.dumps({"job": key, "draws": kept}) + "\n")
     return [k for k in kept if isinstance(k, float)], [k for k in kept if isinstance(k, str)]
 

@@ -9,6 +9,7 @@ from typing import Any
 from swath import __version__
 from swath.core.errors import InputError
 from swath.core.files.output_folder import LOCK, check_folder, check_free, held
+from swath.core.files.place import remove, remove_folder
 from swath.core.files.whole_file import PART
 from swath.documents.json_file import read_object
 from swath.documents.text_file import read_text
@@ -153,14 +154,14 @@ def clear_run_folder(folder: Path) -> None:
     Its scenario.yaml stays until the new one takes its place: a folder without one would be nobody's.
     """
     for name in RUN_FILES[:-1]:
-        (folder / name).unlink(missing_ok=True)
+        remove(folder / name)
     saves = folder / SAVES
     if saves.is_symlink():
-        saves.unlink()
+        remove(saves)
     for file in (*saves.glob(f"*{SAVED}"), saves / PAGES):
-        file.unlink(missing_ok=True)
+        remove(file)
     with suppress(OSError):
-        saves.rmdir()
+        remove_folder(saves)
 
 
 def _fresh(name: str) -> Path:
@@ -181,6 +182,6 @@ def _fresh(name: str) -> Path:
 def remove_empty(folder: Path) -> None:
     """Remove a folder into which nothing was written, and `runs` around it where that is empty then."""
     with suppress(OSError):
-        folder.rmdir()
+        remove_folder(folder)
         if folder.parent.name == RUNS:
-            folder.parent.rmdir()
+            remove_folder(folder.parent)

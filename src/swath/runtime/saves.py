@@ -16,8 +16,9 @@ from typing import Any
 
 from swath import __version__
 from swath.core.errors import InputError, SwathError
+from swath.core.files.place import remove
 from swath.core.files.read_file import open_to_read
-from swath.core.files.whole_file import copy_whole, open_to_append, own_folder, write_whole
+from swath.core.files.whole_file import copy_whole, open_to_append, write_whole
 from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
 from swath.core.schedule import NS
 from swath.field.paging.state_file import write_state
@@ -41,7 +42,6 @@ class SavesField(RunHook):
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write it, also of a run that was stopped."""
         if self._world is not None:
-            self.file.parent.mkdir(parents=True, exist_ok=True)
             write_state(self.file, self._world.field.save(), about(self._world.scenario))
 
 
@@ -76,7 +76,7 @@ class Saves(RunHook):
         self._due = (run.world.graph.t // self._period + 1) * self._period
         self.refused = why_not(run)
         if not self.refused and run.out is not None:
-            write_whole(own_folder(run.out / SAVES) / PAGES, b"")
+            write_whole(run.out / SAVES / PAGES, b"")
             if run.start is not None:
                 self.times = copy_saves(run.start.folder, run.out, run.world.graph.t)
             run.world.graph.before_tick.insert(0, self._before_tick)
@@ -134,7 +134,7 @@ class Saves(RunHook):
         self._bytes, self._count = self._bytes + len(data), self._count + 1
         if len(self.times) > MOST:
             gone = self.times.pop(superfluous(self.times))
-            (folder / f"{gone}{SAVED}").unlink(missing_ok=True)
+            remove(folder / f"{gone}{SAVED}")
 
     def _placed(self, page: Any, file: Path) -> Any:
         """Where the bytes of a page lie; what is no bytes stays."""

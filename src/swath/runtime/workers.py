@@ -19,9 +19,11 @@ from dataclasses import dataclass, replace
 from math import inf
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from swath.core.errors import SwathError
+from swath.core.files.place import present_roots, within
 from swath.core.foreign_code import Gate, present_gate, through
 from swath.core.process.collector import collect_rarely
 from swath.core.process.processes import forget_safe_path, safe_path, skip_folder_settings
@@ -57,9 +59,9 @@ class _Worker(Generic[T, R]):
     """A process with a pipe to it. job: what it has in hand; is_starting: it has not said that it began."""
 
     def __init__(self, begin: Begin[T, R]) -> None:
-        context = mp.get_context("spawn")
+        context, of_driver = mp.get_context("spawn"), (present_gate(), present_roots())
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, begin, present_gate()), daemon=True)
+        self.process = context.Process(target=_serve, args=(theirs, begin, *of_driver), daemon=True)
         with safe_path():
             resource_tracker.ensure_running()  # it would let signals in again while the worker starts
             with _signals_held():
@@ -154,7 +156,7 @@ def in_workers(
     Jobs are taken from the iterable when a worker is free. SwathError where no worker can begin.
     """
     queue, kept = _Queue(jobs), _kept.get()
-    alike = pickle.dumps((begin, present_gate()))
+    alike = pickle.dumps((begin, present_gate(), present_roots()))
     pool: list[_Worker[T, R]] = [] if kept is None else kept.pop(alike, [])
     through: dict[int, tuple[T, R | Lost]] = {}
     count = 0
@@ -234,11 +236,11 @@ def _signals_held() -> Iterator[None]:
             signal.raise_signal(number)
 
 
-def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
+def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate, roots: tuple[Path, ...]) -> None:
     """What a worker does until its pipe is closed.
 
     Ctrl-C is the driver's business; SIGTERM, which often goes to all processes of a group, ends its run in
-    order and the worker without a word. gate: of the driver
+    order and the worker without a word. gate, roots: of the driver
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _stop_once)
@@ -248,7 +250,7 @@ def _serve(pipe: Connection, begin: Begin[Any, Any], gate: Gate) -> None:
     try:
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, STOPS)
-        with through(gate):
+        with through(gate), within(*roots):
             _work(pipe, begin)
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGTERM)

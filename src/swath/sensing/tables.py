@@ -64,7 +64,6 @@ def _made(arrays: Mapping[str, Any], path: Path) -> SpreadTable:
 
 def save_table(table: SpreadTable, path: Path) -> list[Path]:
     """Write `path` (.npz) and its YAML. The same table gives the same bytes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {k: np.asarray(getattr(table, k), dtype=np.float32) for k in ARRAYS}
     arrays |= _grid_arrays(table.standing, "") | _grid_arrays(table.stubble, STUBBLE)
     arrays |= {SIDE_PREFIX + k: np.asarray(getattr(table.side, k), dtype=np.float32) for k in SIDE}

@@ -13,6 +13,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from swath.core.errors import InputError
+from swath.core.files.place import is_within, own_folder, remove, remove_folder, within
 from swath.core.files.whole_file import PART, open_to_keep
 
 LOCK = "run.lock"
@@ -53,21 +54,22 @@ def held(
     if alone:
         check_folder(path, own, what)
     is_new = not path.exists()
-    file = _locked(path)
-    try:
-        os.ftruncate(file, 0)
-        os.write(file, json.dumps({"what": what, "pid": os.getpid()}).encode())
-        for part in path.glob(f"*{PART}"):
-            if is_own(part.name, own):
-                part.unlink()
-        yield path
-    finally:
-        if (path / until).exists():
-            (path / LOCK).unlink(missing_ok=True)
-        os.close(file)
-        if is_new:
-            with suppress(OSError):  # it holds something
-                path.rmdir()
+    with within(*[path] * (not is_within(path))):
+        file = _locked(path)
+        try:
+            os.ftruncate(file, 0)
+            os.write(file, json.dumps({"what": what, "pid": os.getpid()}).encode())
+            for part in path.glob(f"*{PART}"):
+                if is_own(part.name, own):
+                    remove(part)
+            yield path
+        finally:
+            if (path / until).exists():
+                remove(path / LOCK)
+            os.close(file)
+            if is_new:
+                with suppress(OSError):  # it holds something
+                    remove_folder(path)
 
 
 def _locked(folder: Path) -> int:
@@ -78,7 +80,7 @@ def _locked(folder: Path) -> int:
     path = folder / LOCK
     while True:
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            own_folder(folder)
         except OSError as error:
             expected = f"expected a folder that can be made: {error.strerror}"
             raise InputError("--out", str(folder), expected) from None

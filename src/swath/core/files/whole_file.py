@@ -1,20 +1,22 @@
 """The one way in which files are written: new, whole or not at all, and never through a link.
 
 Whatever lies in the place of a file, or of the one beside it that is being written, is replaced, not written
-to: a link there goes, what it leads to stays. Errors of writing name their file.
+to: a link there goes, what it leads to stays. Where it is, `place` finds. Errors of writing name their file.
 """
 
 import csv
+import errno
 import io
 import os
 import shutil
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from swath.core.errors import InputError
+from swath.core.files.place import place
 from swath.core.files.read_file import open_to_read
 
 PART = ".part"  # at the end of the name of a file that is still being written
@@ -35,18 +37,24 @@ class NamedFile(io.FileIO):
 
 
 def open_to_write(path: Path) -> BinaryIO:
-    """A new file in the place of what was there, buffered. OSError, which names the file."""
-    path.unlink(missing_ok=True)
-    return io.BufferedWriter(NamedFile(str(path), "xb"))
+    """A new file in the place of what was there, buffered. InputError as `place`; OSError, which names it."""
+    with place(path, make=True) as at:
+        return _created(path, *at)
 
 
 def open_to_keep(path: Path, flags: int) -> int:
     """Descriptor of a file that may be there. flags: as of `os.open`. InputError where it is a link."""
+    more = os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # a pipe may wait
     try:
-        file = os.open(path, flags | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
+        with place(path, make=True) as (name, folder):
+            if folder is None and path.is_symlink():
+                raise OSError(errno.ELOOP, "", name)
+            file = os.open(name, flags | more, 0o644, dir_fd=folder)
     except OSError as error:
         if path.is_symlink():
             raise InputError("file", str(path), "expected a file, not a link to another one") from error
+        if error.errno == errno.ENXIO:
+            raise InputError("file", str(path), "expected a file, not a device or pipe") from error
         raise
     about = os.fstat(file)
     if not stat.S_ISREG(about.st_mode) or about.st_nlink != 1:
@@ -64,25 +72,42 @@ def open_to_append(path: Path) -> BinaryIO:
 def new_file(path: Path) -> Iterator[BinaryIO]:
     """A file to write; it takes its name at the end of the block. OSError names the file.
 
-    Until then it is called `NAME.part`, which an error removes.
+    Until then it is called `NAME.part`, which an error removes. Folders around it are made where they are
+    missing. InputError as `place`.
     """
     part = path.with_name(path.name + PART)
-    try:
-        with open_to_write(part) as file:
-            own = os.fstat(file.fileno())
-            yield file
-        if is_alone := part.exists() and os.path.samestat(own, part.stat()):
-            whole = open_to_keep(part, os.O_RDWR)
-            os.fsync(whole)  # else a crash of the system can leave the name and not what it names
-            os.close(whole)
-            part.replace(path)
-    except BaseException as error:
-        if isinstance(error, OSError) and error.filename == str(part):
-            error.filename = str(path)
-        part.unlink(missing_ok=True)
-        raise
+    with place(part, make=True) as (name, folder), ExitStack() as held:
+        try:
+            with _created(part, name, folder) as file:
+                whole = os.dup(file.fileno())
+                held.callback(os.close, whole)
+                yield file
+            if is_alone := _is_named(whole, name, folder):
+                os.fsync(whole)  # else a crash of the system can leave the name and not what it names
+                os.replace(name, name.removesuffix(PART), src_dir_fd=folder, dst_dir_fd=folder)
+        except BaseException as error:
+            if isinstance(error, OSError) and error.filename in (name, str(part)):
+                error.filename = str(path)
+            with suppress(FileNotFoundError):
+                os.unlink(name, dir_fd=folder)
+            raise
     if not is_alone:
         raise InputError("file", str(path), "expected a file that no other process writes")
+
+
+def _created(path: Path, name: str, folder: int | None) -> BinaryIO:
+    """A new file, in the place of what was there."""
+    with suppress(FileNotFoundError):
+        os.unlink(name, dir_fd=folder)
+    file = NamedFile(str(path), "xb", opener=lambda _, flags: os.open(name, flags, 0o666, dir_fd=folder))
+    return io.BufferedWriter(file)
+
+
+def _is_named(file: int, name: str, folder: int | None) -> bool:
+    """Whether an open file still has its name."""
+    with suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(file), os.stat(name, dir_fd=folder, follow_symlinks=False))
+    return False
 
 
 def write_whole(path: Path, data: str | bytes) -> Path:
@@ -105,16 +130,3 @@ def copy_whole(source: Path, target: Path, key: str, what: str) -> None:
     """Copy a file. InputError with this key, `expected what`, where it cannot be read."""
     with open_to_read(source, key, what) as old, new_file(target) as new:
         shutil.copyfileobj(old, new)
-
-
-def no_link(path: Path) -> Path:
-    """A folder within one that is written. InputError where it is a link."""
-    if path.is_symlink():
-        raise InputError("folder", str(path), "expected a folder, not a link to another one")
-    return path
-
-
-def own_folder(path: Path) -> Path:
-    """As `no_link`, made where it is missing."""
-    no_link(path).mkdir(parents=True, exist_ok=True)
-    return path

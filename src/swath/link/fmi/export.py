@@ -349,7 +349,6 @@ def _packed(data: Any, files: dict[str, bytes]) -> Any:
 
 
 def _write(out: Path, entries: dict[str, bytes]) -> None:
-    out.parent.mkdir(parents=True, exist_ok=True)
     with new_file(out) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in entries.items():
             info = zipfile.ZipInfo(name, DATE)

@@ -54,7 +54,6 @@ def write_trace(run: Path, out: Path, *, kind: str = "sd", slot: str | None = No
     writer = Writer(host, sheets, mounting)
     make = writer.sensor_data if kind == "sd" else writer.sensor_view
     states = {name: list(_samples(log, f"{name}.motion", "state")) for name in sheets}
-    out.parent.mkdir(parents=True, exist_ok=True)
     count = 0
     with new_file(out) as file:
         for sample in _samples(log, slot, sensors[slot]):

@@ -54,7 +54,6 @@ def write_package(folder: Path) -> list[Path]:
     if root.exists():
         raise InputError("--out", str(root), "expected a folder without it: it is there already")
     texts = message_types()
-    (root / "msg").mkdir(parents=True)
     lines = "\n".join(f'  "msg/{name}.msg"' for name in texts)
     files = {"package.xml": _PACKAGE, "CMakeLists.txt": _BUILD.format(name=NAME, messages=lines)}
     files |= {f"msg/{name}.msg": text for name, text in texts.items()}

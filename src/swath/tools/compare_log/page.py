@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.files.place import remove
 from swath.core.files.whole_file import new_file, write_whole
 from swath.documents.json_file import write_json
 from swath.documents.yaml_document import dump
@@ -28,8 +29,7 @@ REGRESSION = (
 
 def begin_comparison(out: Path, fig: Any, results: Mapping[str, Any]) -> None:
     """Write comparison.png and results.json; what only another kind of comparison writes goes."""
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "series.parquet").unlink(missing_ok=True)
+    remove(out / "series.parquet")
     write_picture(out / "comparison.png", fig)
     write_json(out / "results.json", results)
 

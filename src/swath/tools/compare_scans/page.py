@@ -59,7 +59,6 @@ def _beyond(n: Number) -> str:
 
 def write_comparison(made: Comparison, out: Path) -> None:
     """Write results.json, profiles.png, map.png, report.html."""
-    out.mkdir(parents=True, exist_ok=True)
     write_json(out / "results.json", made.to_dict())
     pictures = {"profiles.png": draw_profiles(made), "map.png": draw_map(made)}
     for name, fig in pictures.items():

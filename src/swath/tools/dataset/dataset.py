@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 import swath
 from swath.core.errors import InputError, SwathError
-from swath.core.files.whole_file import new_file, own_folder, write_whole
+from swath.core.files.place import own_folder
+from swath.core.files.whole_file import new_file, write_whole
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import DEG

@@ -148,7 +148,6 @@ def _survey(world: World, wanted: Wanted, place: F64, tell: Callable[[str], None
     _tell_size(count * POINT_BYTES, tell)
     _check(wanted, count * POINT_BYTES)
     cloud, classes = survey(world, place, side=wanted.ground, per_m2=wanted.per_m2)
-    wanted.out.parent.mkdir(parents=True, exist_ok=True)
     return [write_las(wanted.out, cloud, world.leader.origin, classes=classes)]
 
 
@@ -185,7 +184,6 @@ def _check(wanted: Wanted, size: float) -> None:
 
 
 def _written(path: Path, data: bytes) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
     return write_whole(path, data)
 
 

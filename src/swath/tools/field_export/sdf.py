@@ -50,7 +50,6 @@ def write_sdf(folder: Path, scene: FieldScene, world: World) -> list[Path]:
     indent(root)
     files["world.sdf"] = b'<?xml version="1.0"?>\n' + tostring(root, encoding="utf-8") + b"\n"
     with held(folder, tuple(files), "export", alone=False):
-        (folder / "meshes").mkdir(exist_ok=True)
         return [write_whole(folder / name, data) for name, data in files.items()]
 
 

@@ -17,6 +17,7 @@ from threading import Lock, current_thread, main_thread
 from typing import Any
 
 from swath.core.errors import Extra, InputError, MissingExtra, SwathError
+from swath.core.files.place import present_roots, within
 from swath.core.foreign_code import Gate, need_named, present_gate, through
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import STRIKES
@@ -99,9 +100,8 @@ def run_on_cluster(
         while pending or not is_over:
             count = _worker_count(client)
             while len(pending) < count and (run := next(left, None)) is not None:
-                job = client.submit(
-                    _do, run, str(folder), work, code_hash(), present_gate(), key=f"run-{run.id}", pure=False
-                )
+                of_driver = code_hash(), present_gate(), present_roots()
+                job = client.submit(_do, run, str(folder), work, *of_driver, key=f"run-{run.id}", pure=False)
                 pending[job] = run
             is_over = bool(count) and len(pending) < count
             alone = 0 if count else alone + 1
@@ -138,11 +138,11 @@ def _result(job: Any, run: PlannedRun, folder: Path, journal: Journal) -> Result
     return found
 
 
-def _do(run: PlannedRun, folder: str, work: Work, code: str, gate: Gate) -> Result:
-    """On a worker: do a run and write it down. gate: of the driver."""
+def _do(run: PlannedRun, folder: str, work: Work, code: str, gate: Gate, roots: tuple[Path, ...]) -> Result:
+    """On a worker: do a run and write it down. code, gate, roots: of the driver."""
     if code_hash() != code:
         raise SwathError(f"the worker {socket.gethostname()} has another version of swath than the driver")
-    with _LOCK, through(gate):
+    with _LOCK, through(gate), within(*roots):
         journal, fields = _tools(folder)
         (result,) = work([run], fields)
         return journal.add(result)

@@ -260,7 +260,6 @@ def _compare(args: argparse.Namespace) -> int:
 
 
 def _again(args: argparse.Namespace) -> int:
-    from swath.core.files.whole_file import no_link
     from swath.replay.writer import ReplayWriter
     from swath.report.report import ReportWriter
     from swath.runtime.credibility import outside_of
@@ -283,7 +282,7 @@ def _again(args: argparse.Namespace) -> int:
         print(f"note    these runs were made by code {made}{of}, this is {here}{mine}: the digest may "
               "differ. To make the same bytes, install the version that made them.")  # fmt: skip
     version = f"-{session.version}" if session.changed else ""
-    out = args.out or no_link(no_link(args.folder / "kept") / f"{planned.id}{version}")
+    out = args.out or args.folder / "kept" / f"{planned.id}{version}"
     scenario = scenario_of(planned)
     scenario = replace(scenario, summary=_told_of(args.folder, planned, scenario.summary))
     hooks = [ReportWriter(), ReplayWriter()]

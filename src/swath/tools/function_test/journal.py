@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.files.whole_file import new_file, open_to_append, own_folder
+from swath.core.files.whole_file import new_file, open_to_append
 from swath.documents.contents import changed_since
 from swath.documents.json_file import read_object
 from swath.documents.packed import open_parquet
@@ -34,7 +34,6 @@ class Journal:
     """The journal of one worker, opened for appending."""
 
     def __init__(self, folder: Path, worker: str) -> None:
-        own_folder(folder)
         self.worker, plan = worker, folder.parent / PLAN
         self._made_of = read_object(plan, PLAN, "a plan").get("made_of", {}) if plan.is_file() else {}
         path = folder / f"{worker}.jsonl"

@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 
 from swath.core.errors import InputError
 from swath.core.files.output_folder import check_folder
-from swath.core.files.whole_file import copy_whole, no_link, own_folder, write_whole
+from swath.core.files.place import move, own_folder
+from swath.core.files.whole_file import copy_whole, write_whole
 from swath.documents.contents import changed_since, hashes_by_path
 from swath.documents.json_file import read_object
 from swath.documents.packed import open_parquet
@@ -62,7 +63,7 @@ class Session:
         """Write the plan, and append the names of its runs to those of earlier rounds."""
         import pyarrow as pa
 
-        file = own_folder(self.journals) / RUNS
+        file = self.journals / RUNS
         before = open_session(self.folder).plan.points[: self.first] if self.first else ()
         whole = replace(self.plan, points=(*before, *self.plan.points))
         schema = pa.schema(
@@ -80,14 +81,13 @@ class Session:
         """Move the results into a folder of their own, where they are reported, judged and compared as
         before; runs that the next plan has, too, are found there and here.
         """
-        folder = no_link(self.folder / EARLIER)
+        folder = self.folder / EARLIER
         aside = own_folder(folder / str(1 + len(list(folder.glob("*")))))
-        own_folder(aside / JOURNALS)
         for file in (self.folder / PLAN, *self.journals.iterdir()):
             copy_whole(file, aside / file.relative_to(self.folder), "file", "a file of the plan")
         for name in (TABLE, *PAGES):
             if (self.folder / name).is_file():
-                (self.folder / name).rename(aside / name)
+                move(self.folder / name, aside / name)
         print(f"note    the runs of other limits or another version of a file are kept in {aside}")
 
     def runs(self) -> Iterator[PlannedRun]:
@@ -247,7 +247,6 @@ def claim_folder(file: Path, asked: Any, what: str) -> None:
     before = read_asked(file, type(asked), what)
     if before is None:
         check_folder(file.parent, (file.name,), what.split()[-1])
-        file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(asdict(asked), indent=2, sort_keys=True) + "\n")
     elif before != asked:
         was, now = asdict(before), asdict(asked)

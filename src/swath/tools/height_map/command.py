@@ -71,7 +71,6 @@ def run_build(args: argparse.Namespace) -> int:
         **ranges,
     )
     source = open_source(args.source, wanted, table)
-    args.out.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(source.name) as progress:
         grid = build_height_map(source, settings, lambda share: progress(share, 1.0))
     grid.save(args.out)

@@ -53,7 +53,6 @@ def run_stand(args: argparse.Namespace) -> int:
         lab = run_lab(settings, progress)
     cases = compare_levels(lab, real)
     name = None if real is None else real.name
-    args.out.mkdir(parents=True, exist_ok=True)
     table_file = write_table(args.out / "lab.csv", cases)
     report = write_lab_report(args.out / "report.html", lab, cases, name)
     rows = comparison_rows(cases)

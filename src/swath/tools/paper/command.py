@@ -102,13 +102,14 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the commands, write the page."""
+    from swath.core.files.place import own_folder
     from swath.terminal.progress import steps
 
     commands = {name: command for shown in FIGURES for name, command in shown.commands.items()}
-    args.out.mkdir(parents=True, exist_ok=True)
     with steps(len(commands)) as step:
         for name, command in commands.items():
             step(name)
+            own_folder(args.out / name)
             with start_module("swath", *command, "--out", name, cwd=args.out, stdout=DEVNULL) as job:
                 if code := job.wait():
                     return code

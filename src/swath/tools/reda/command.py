@@ -47,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Look, write, print what is asked most."""
     import os
 
+    from swath.core.files.place import remove
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
     from swath.tools.reda.page import ASKED_HEAD, SCORE_HEAD, asked_rows, score_rows, write_all
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         goes_on = f"; what is done is in {kept}, the same command resumes from there"
         raise type(error)(f"stopped{goes_on if kept.is_file() else ', nothing was done yet'}") from None
     files = write_all(args.out, settings, found)
-    kept.unlink(missing_ok=True)
+    remove(kept)
     table("scores", SCORE_HEAD, score_rows(settings, found))
     table(f"{ASKED:g} m inside the crop", ASKED_HEAD, asked_rows(settings, found))
     print(files[-1])

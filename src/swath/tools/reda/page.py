@@ -75,7 +75,6 @@ ASKED_HEAD = ("condition", "sensor", "height [m]", "detected", "false", "verdict
 
 def write_all(out: Path, settings: Settings, found: list[Found]) -> list[Path]:
     """Write everything into a folder; returns the files."""
-    out.mkdir(parents=True, exist_ok=True)
     rows = [dict(zip(SCORE_HEAD, row, strict=True)) for row in score_rows(settings, found)]
     files = [write_cells(out / "reda.csv", found), write_csv(out / "scores.csv", rows)]
     figures = []

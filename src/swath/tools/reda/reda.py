@@ -62,7 +62,6 @@ def _keep(path: Path, settings: Settings, found: list[Found]) -> None:
         cells = {name: [astuple(c) for c in cells] for name, cells in made.cells.items()}
         asked = [[*key, astuple(cell)] for key, cell in made.asked.items()]
         lines.append(json.dumps({"cells": cells, "asked": asked}))
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_whole(path, "\n".join(lines) + "\n")
 
 

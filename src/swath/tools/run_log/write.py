@@ -60,7 +60,6 @@ def write_run_log(folder: Path, out: Path) -> int:
     write = {".mf4": _write_mf4, ".blf": _write_frames, ".asc": _write_frames}.get(out.suffix.lower())
     if write is None:
         raise InputError("--out", out.name, "expected a name that ends with .mf4, .blf or .asc")
-    out.parent.mkdir(parents=True, exist_ok=True)
     return write(recorded(folder), out)
 
 

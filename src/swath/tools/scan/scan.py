@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.output_folder import held
+from swath.core.files.place import remove
 from swath.core.files.whole_file import new_file, write_whole
 from swath.core.frames import Pose
 from swath.core.schedule import NS
@@ -247,7 +248,7 @@ def scan_job(
     with held(out, SCAN_FILES, "scan"):
         if scan_in(out) not in (of := scan_of(scenario, at_s), None):
             for file in out.glob(SCAN_FILES[0]):
-                file.unlink()
+                remove(file)
         write_whole(out / SCAN_OF, of + "\n")
         if driven.lidar:
             scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")

@@ -201,7 +201,6 @@ def write_csv(log: Records, path: Path) -> Path:
             "on" if log.working[i] else "off", log.machine, Path(log.crop).stem,
         )  # fmt: skip
         rows.append(dict(zip(COLUMNS, cells, strict=True)))
-    path.parent.mkdir(parents=True, exist_ok=True)
     return whole_file.write_csv(path, rows, COLUMNS)
 
 

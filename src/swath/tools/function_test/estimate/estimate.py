@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import Extra, InputError, SwathError
-from swath.core.files.whole_file import no_link
 from swath.core.random import Stream
 from swath.runtime.workers import workers_kept
 from swath.signals import F64
@@ -326,7 +325,7 @@ class _Rounds:
     def _session(self, level: str, points: tuple[tuple[int, Point], ...]) -> Session:
         folder, sets, at = self._folder, self._asked.sets, ""
         if level:
-            folder, sets, at = no_link(folder / CHEAP), (*sets, *self._asked.cheap), AS_SET
+            folder, sets, at = folder / CHEAP, (*sets, *self._asked.cheap), AS_SET
         plan = Plan(self._asked.case, sets=sets, level=at, points=points, code=self._asked.code)
         return Session(folder, plan, self._planned[level])
 

@@ -164,7 +164,6 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
         own = ("*.openodd.yaml", ODD_FILE, CASE_FILE, CAMPAIGN)
         check_folder(folder, own, "campaign")
         campaign = replace(campaign, commit=commit())
-        folder.mkdir(parents=True, exist_ok=True)
         names = [f"{number}.openodd.yaml" for number in range(len(odd.domain.documents))]
         for name, document in zip(names, odd.domain.documents, strict=True):
             assert document.file is not None

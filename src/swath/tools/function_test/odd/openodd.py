@@ -14,7 +14,7 @@ from typing import Any
 
 from swath.core.errors import Extra, InputError
 from swath.core.files.temporary import TemporaryFolder
-from swath.core.files.whole_file import own_folder, write_whole
+from swath.core.files.whole_file import write_whole
 from swath.documents.yaml_document import Document, read_document
 
 Value = float | str | bool
@@ -134,7 +134,6 @@ def export_tables(
     each attribute, None = unknown. False where there is no row.
     """
     document = {"odd": {"samples": {"attributes": list(attributes), "rows": [list(row) for row in rows]}}}
-    own_folder(folder)
     with TemporaryFolder("odd") as made:
         if _library().export_cod(document, made, stem) is None:
             return False
