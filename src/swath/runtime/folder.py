@@ -12,6 +12,7 @@ from swath.core.files.output_folder import LOCK, check_folder, check_free, held
 from swath.core.files.place import remove, remove_folder
 from swath.core.files.whole_file import PART
 from swath.documents.json_file import read_object
+from swath.documents.packed import readable
 from swath.documents.text_file import read_text
 from swath.scenario.scenario import Scenario, changes_in
 
@@ -121,7 +122,7 @@ def _changes_of(folder: Path) -> str | None:
     """What was changed of the scenario of a run; None where its version of swath did not say."""
     from swath.documents.yaml_document import read_document
 
-    with suppress(InputError, KeyError):
+    with suppress(InputError), readable("run", "a run", folder):
         summary = read_object(folder / "summary.json", "run", "a summary.json")
         if summary["swath"] != __version__:
             return None
