@@ -157,7 +157,7 @@ OWN_READS = {  # parts of swath itself, and what it wrote in the same command; a
     "fleet/command.py", "fleet/ground_kernel.py", "judge/summary.py", "kernels.py", "link/fmi/export.py",
     "link/fmi/export_slave.py", "rays/packets/kernel.py", "rays/sight_kernel.py", "rays/single/kernel.py",
     "replay/writer.py", "report/html.py", "sensing/native/kernel.py", "sensing/native/normals_kernel.py",
-    "sensing/native/dust_kernel.py", "sensing/native/receive_kernel.py", "tools/function_test/journal.py",
+    "sensing/native/dust_kernel.py", "sensing/native/receive_kernel.py",
     "tools/function_test/odd/openodd.py",
 }  # fmt: skip
 READERS = re.compile(

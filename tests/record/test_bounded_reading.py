@@ -346,6 +346,5 @@ def test_a_table_of_results_is_read_within_bounds(tmp_path, monkeypatch, held):
         pq.write_table(pa.table({"a": pa.array([1] * 1_000_000)}), path)
     with pytest.raises(InputError, match="results"):
         read_table(path)
-    if held != "pipe":  # which is none of an earlier test: it is replaced
-        with pytest.raises(InputError, match="results"):
-            write_rows(tmp_path, iter(()), ())
+    write_rows(tmp_path, iter(()), ())  # a damaged one is made anew
+    assert read_table(path) == []

@@ -22,7 +22,7 @@ def read_json(path: Path, key: str, what: str) -> Any:
     """Plain data of a JSON file. InputError with this key, `expected what`, for a file that is none."""
     text = read_text(path, key, what, MAX_BYTES)
     with readable(key, what, path):
-        return json.loads(text, parse_int=_whole_number)
+        return json.loads(text, parse_int=whole_number)
 
 
 def read_object(path: Path, key: str, what: str) -> dict[str, Any]:
@@ -33,7 +33,8 @@ def read_object(path: Path, key: str, what: str) -> dict[str, Any]:
     return data
 
 
-def _whole_number(text: str) -> int:
+def whole_number(text: str) -> int:
+    """A whole number of JSON (`parse_int`). ValueError for one of too many digits."""
     if len(text) > MOST_DIGITS:
         raise ValueError(f"a whole number of {len(text)} digits")
     return int(text)

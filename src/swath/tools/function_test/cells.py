@@ -11,7 +11,6 @@ from math import fsum, nan, sqrt
 from typing import Any
 
 from swath.tools.function_test.case import Case
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.integrity import SUMMARY, pooled
 from swath.tools.function_test.judging.judged import ERROR, OPEN, UNJUDGED, beyond
 from swath.tools.function_test.judging.kept_runs import Kept, Region, Sample, Worst, kept
@@ -20,6 +19,7 @@ from swath.tools.function_test.judging.ranking import Measured
 from swath.tools.function_test.judging.steering_accuracy import SUMMARY as STEERING
 from swath.tools.function_test.judging.steering_accuracy import pooled as pooled_classes
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_JUDGED, NOT_SHOWN, SHOWN, describe, verdict
+from swath.tools.function_test.stored_line import Result
 
 STEERING_TAG = "steering"  # of cases that stand in the table of steering accuracy
 KEPT_MAX = 20_000  # runs that are drawn, over all cells

@@ -13,9 +13,9 @@ from swath.runtime.kept import KeptFields
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 from swath.scenario.slots import REGISTRY
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun
+from swath.tools.function_test.stored_line import Result
 
 WITHIN = 0.1  # of a limit: by more, a number with the cheap level is another one
 LEAST_SAVED = 0.02  # of the time: less is the noise of a clock

@@ -21,7 +21,7 @@ from swath.core.files.place import present_roots, within
 from swath.core.foreign_code import Gate, need_named, present_gate, through
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import STRIKES
-from swath.tools.function_test.journal import Journal, read_journals
+from swath.tools.function_test.journal import Journal, results_of
 from swath.tools.function_test.one_run import Work, no_result, results_in
 from swath.tools.function_test.plan import PlannedRun, code_hash
 
@@ -128,7 +128,7 @@ def _result(job: Any, run: PlannedRun, folder: Path, journal: Journal) -> Result
     try:
         found: Result = job.result()
     except KilledWorker:
-        there = next((result for result in read_journals(folder) if result["id"] == run.id), None)
+        there = next(iter(results_of(folder, [run.id])), None)
         if there is not None:
             return there
         found = no_result(run, f"ended its process {STRIKES} times")

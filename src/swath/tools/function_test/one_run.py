@@ -14,7 +14,6 @@ from swath.runtime.met import SUMMARY as MET
 from swath.runtime.met import MetHook
 from swath.runtime.worlds import run_each
 from swath.scenario.scenario import Scenario, load_scenario
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.integrity import SUMMARY as INTEGRITY
 from swath.tools.function_test.judging.integrity import IntegrityHook
 from swath.tools.function_test.judging.judged import verdict_of
@@ -24,6 +23,7 @@ from swath.tools.function_test.judging.steering_accuracy import SteeringHook
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
+from swath.tools.function_test.stored_line import Result
 
 NOT_METRICS = ("seed", "real_time_factor", "ray_count", "simulated_s", "wall_s")
 ENDED = "ended"  # why a run ended: `reason`, `text`

@@ -15,7 +15,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 import swath
 from swath.core.errors import InputError
@@ -44,7 +46,7 @@ class PlannedRun:
     met: quantities that are written down along its way
     """
 
-    id: str
+    id: Annotated[str, Field(pattern=rf"^[0-9a-f]{{{ID_LENGTH}}}$")]
     case: str
     candidate: str
     point: Mapping[str, Scalar]

@@ -15,8 +15,10 @@ from swath.core.files.place import move, own_folder
 from swath.core.files.whole_file import copy_whole, write_whole
 from swath.documents.contents import changed_since, hashes_by_path
 from swath.documents.json_file import read_object
-from swath.documents.packed import open_parquet
+from swath.documents.packed import open_parquet, readable
 from swath.documents.text_file import read_text
+from swath.documents.validation import checked
+from swath.documents.yaml_document import Document
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
@@ -29,7 +31,6 @@ from swath.tools.function_test.journal import (
     Journal,
     Result,
     Stored,
-    finished,
     read_journals,
     results_of,
     write_parquet,
@@ -74,8 +75,9 @@ class Session:
 
     def counted(self) -> set[str]:
         """Names of the finished runs of the plan that is in the folder; none of a folder of version 0.2."""
-        named = _rows(self.journals / RUNS, 0, None)
-        return {row["id"] for row in named} & finished(self.journals)
+        with Stored(self.journals) as stored:
+            named = _planned(self.journals / RUNS, 0, None)
+            return {run.id for run in named if stored.get(run.id) is not None}
 
     def put_aside(self) -> None:
         """Move the results into a folder of their own, where they are reported, judged and compared as
@@ -95,8 +97,7 @@ class Session:
         file = self.journals / RUNS
         if file.is_file():
             end = self.first + len(self.plan.points) if self.plan.points else None
-            rows = _rows(file, self.first, end)
-            yield from (PlannedRun(**{**row, **{n: json.loads(row[n]) for n in NESTED}}) for row in rows)
+            yield from _planned(file, self.first, end)
             return
         names = {_key(result): result["id"] for result in read_journals(self.journals)}
         for run in self.plan.runs():  # a folder of version 0.2: by what they are, their names say too much
@@ -115,11 +116,12 @@ class Session:
 
     def left(self) -> Iterator[PlannedRun]:
         """Runs that are in no journal, each once: two candidates may come to the same scenario."""
-        done = finished(self.journals)
-        for run in self.runs():
-            if run.id not in done:
-                done.add(run.id)
-                yield run
+        begun = set[str]()
+        with Stored(self.journals) as stored:
+            for run in self.runs():
+                if run.id not in begun and stored.get(run.id) is None:
+                    begun.add(run.id)
+                    yield run
 
     def do(self, workers: int, done: Done, client: Any = None) -> None:
         """Do what is left on worker processes, or those of a client of dask; `done` gets each result.
@@ -155,8 +157,10 @@ class Session:
     def _each(self, stored: Stored) -> Iterator[Result]:
         for run in self.runs():
             if (found := stored.get(run.id)) is not None:
-                whole = {**found, **_about(run)}  # another candidate may have come to the same scenario
-                yield from (whole, *in_shadow(whole, run.shadows))
+                whole = {**found, "id": run.id, **_about(run)}  # another candidate may have come to the same scenario
+                with readable("journal", "results of candidates in shadow", self.journals):
+                    others = list(in_shadow(whole, run.shadows))
+                yield from (whole, *others)
 
     def cells(self, *, again: bool = False) -> list[Cell]:
         """Judged cells; again: against the limits that the cases have now. InputError where one is gone."""
@@ -176,7 +180,8 @@ class Session:
     def table(self) -> Path:
         """Write results.parquet, its rows in the order of the plan."""
         with Stored(self.journals) as stored:
-            return write_rows(self.folder, self._each(stored), stored.metrics)
+            metrics = {name for result in self._each(stored) for name in result["metrics"]}
+            return write_rows(self.folder, self._each(stored), metrics)
 
     def run_of(self, name: str) -> tuple[PlannedRun, Result | None]:
         """A run by its name or the beginning of it, with its result.
@@ -205,8 +210,18 @@ def _rows(file: Path, first: int, end: int | None) -> Iterator[dict[str, Any]]:
     """Rows of a file of planned runs."""
     if not file.is_file() or end == first:
         return
-    with open_parquet(file, "runs", "the runs of a plan") as found:
+    what = "the runs of a plan"
+    with open_parquet(file, "runs", what) as found, readable("runs", what, file):
         yield from islice((row for some in found.iter_batches(ROWS) for row in some.to_pylist()), first, end)
+
+
+def _planned(file: Path, first: int, end: int | None) -> Iterator[PlannedRun]:
+    """The runs in such a file. InputError where a row is none."""
+    for row in _rows(file, first, end):
+        with readable("runs", "the runs of a plan", file):
+            run = {**row, **{name: json.loads(row[name]) for name in NESTED}}
+            checked(PlannedRun, Document(run, file, kind="run"))
+        yield PlannedRun(**run)
 
 
 def _key(about: Result) -> str:
@@ -268,10 +283,8 @@ def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
     if not file.is_file():
         return None
     data = read_object(file, what.split()[-1], what)
-    try:
-        return kind(**{key: tuple(v) if isinstance(v, list) else v for key, v in data.items()})
-    except TypeError as error:
-        raise InputError(file.name, None, f"expected {what}: {error}", file=file) from error
+    found: Asked = checked(kind, Document(data, file, kind=what))
+    return found
 
 
 def _as_asked(text: str) -> str:

@@ -31,13 +31,13 @@ from swath.tools.function_test.estimate.rare import (
     log_exposure,
     rate_of,
 )
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.margin import judged_margin
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.search.search import one_case
 from swath.tools.function_test.session import Session, claim_folder, read_asked
+from swath.tools.function_test.stored_line import Result
 
 ESTIMATE, CHEAP = "estimate.json", "cheap"
 LEAST = 20  # runs of an estimate

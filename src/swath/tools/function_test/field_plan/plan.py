@@ -29,7 +29,6 @@ from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.estimate.estimate import distribution_of
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
 from swath.tools.function_test.field_plan.seen import REFERENCE, SCANS, heights_of
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.judged import beyond
 from swath.tools.function_test.judging.margin import MARGIN, margin
 from swath.tools.function_test.judging.verdict import SHOWN
@@ -39,6 +38,7 @@ from swath.tools.function_test.plan import AS_SET, Plan, code_hash, looked_at
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.search.gaussian_process import matern
 from swath.tools.function_test.session import Session, claim_folder, open_session
+from swath.tools.function_test.stored_line import Result
 
 ASKED, PAIRS = "plan-field.json", "pairs"
 CASE_IS, OTHER = "as it is", "other"  # candidates: the case, and with other levels

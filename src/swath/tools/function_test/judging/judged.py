@@ -15,8 +15,8 @@ from swath.runtime.credibility import why_outside
 from swath.scenario.sections import Limit
 from swath.terminal.outcome import NOT_JUDGED, result_of
 from swath.tools.function_test.case import Case
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.steering_accuracy import SUMMARY as STEERING
+from swath.tools.function_test.stored_line import Result
 
 OPEN = "open"  # verdict of a run that no limit of its case judges
 UNJUDGED = NOT_JUDGED  # of one with limits that rest on a level outside its range
@@ -28,7 +28,7 @@ def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, Any])
     """Verdict and reason of a run by its limits. outside: by slot, as `outside_of` gives it."""
     for result, verdict in (("fail", "fail"), ("not measured", UNJUDGED)):
         if of := next((e for e in entries if result_of(e) == result), None):
-            return verdict, f"{of['subject']}.{of['name']}: {of['reason']}"
+            return verdict, f"{of['subject']}.{of['name']}: {of.get('reason', '')}"
     if slots := _rested_on(entries):
         whys = (f"{slot} {why_outside(outside[slot])}" for slot in slots)
         return UNJUDGED, f"{UNJUDGED}: {'; '.join(whys)}"

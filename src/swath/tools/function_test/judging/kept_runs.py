@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from swath.tools.function_test.case import Scalar
-from swath.tools.function_test.journal import Result
+from swath.tools.function_test.stored_line import Result
 
 GOLDEN = 0x9E3779B97F4A7C15  # 2**64 divided by the golden ratio: spreads numbers evenly (Knuth 6.4)
 NAME_DIGITS = 16  # hexadecimal, of a run; a shadow has the candidate behind them

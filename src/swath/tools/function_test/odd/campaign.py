@@ -18,7 +18,6 @@ from swath.core.files.output_folder import check_folder
 from swath.core.files.whole_file import copy_whole, write_whole
 from swath.runtime.workers import workers_kept
 from swath.tools.function_test.case import Claim, Point
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.odd.binding import Odd, read_odd
 from swath.tools.function_test.odd.causes import Cause, causes_of
 from swath.tools.function_test.odd.cells import OddCell, judged, needed_each
@@ -27,6 +26,7 @@ from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash, commit
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import Session, check_version, read_asked
+from swath.tools.function_test.stored_line import Result
 
 CAMPAIGN, ODD_FILE, CASE_FILE = "campaign.json", "campaign.odd.yaml", "campaign.yaml"
 ROUND = 50  # runs between two looks at what was driven

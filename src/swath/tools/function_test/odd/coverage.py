@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from swath.runtime.met import EVERY_M
 from swath.runtime.met import SUMMARY as MET
 from swath.signals import F64
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.judged import UNCOUNTED
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.openodd import Value
+from swath.tools.function_test.stored_line import Result
 
 HIT_M = 5.0  # driven in a bucket for a hit: what is less is a way through [m]; estimated
 INSIDE = 0.9  # share of its way that a passing run has to be inside the ODD to count; estimated

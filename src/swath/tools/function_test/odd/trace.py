@@ -8,10 +8,10 @@ from typing import Any
 from swath.core.process.shell import command
 from swath.runtime.met import SUMMARY as MET
 from swath.terminal.outcome import NOT_JUDGED, limit_text, result_of, window_text
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.judging.margin import margin_of
 from swath.tools.function_test.odd.binding import Odd, OddFile
 from swath.tools.function_test.odd.openodd import export_tables
+from swath.tools.function_test.stored_line import Result
 
 FOLDER = "cod"
 NOT_MEASURED = "not measured"

@@ -8,10 +8,10 @@ from typing import Any
 from swath import __version__
 from swath.report.chart import Chart
 from swath.report.html import Beside, Facts, Html, Section, Table, bar, element, joined, write_page
-from swath.tools.function_test.journal import Result
 from swath.tools.function_test.page import failures, point_text
 from swath.tools.function_test.search.boundary import Boundary
 from swath.tools.function_test.search.search import Searched
+from swath.tools.function_test.stored_line import Result
 
 SIDE, BINS = 270.0, 22  # of a map [px], squares along it
 FAILED_MAX = 60  # runs in the list
