@@ -13,7 +13,7 @@ import pytest
 from swath import __version__
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.core.files.output_folder import LOCK
+from swath.core.files.output_folder import LOCK, held
 from swath.core.files.whole_file import NamedFile, write_whole
 from swath.core.process.stopping import Terminated, stoppable, unstopped
 from swath.record import mcap_file
@@ -141,8 +141,26 @@ def test_a_run_stopped_while_its_report_was_drawn_gets_one(tmp_path, capsys):
     assert capsys.readouterr().out == f"{folder}/report.html\n"
     assert json.loads(summary)["digest"] in (folder / "report.html").read_text()
     assert (folder / "summary.json").read_text() == summary
+
+
+def test_the_report_of_a_killed_run_shows_what_it_left_and_says_so(tmp_path, capsys):
+    """A kill leaves a recording without an end, and no summary."""
+    folder = tmp_path / "run"
+    run_job(scenario(SHORT), folder)
     (folder / "summary.json").unlink()
+    recording = folder / "run.mcap"
+    recording.write_bytes(recording.read_bytes()[: recording.stat().st_size * 2 // 3])
+    assert main(["report", str(folder)]) == 0
+    assert "note    the run was killed" in capsys.readouterr().out
+    page = (folder / "report.html").read_text()
+    assert "the run was killed: this is what its recording holds" in page
+    assert "Incomplete." in page
+    recording.unlink()
     assert main(["report", str(folder)]) == 2
+    (folder / "run.lock").write_text("{}")
+    with held(folder, ("*",), "run"):
+        assert main(["report", str(folder)]) == 2  # it goes on
+    assert "does not write to" in capsys.readouterr().err
 
 
 def test_a_second_stop_does_not_wait():

@@ -21,8 +21,10 @@ def run(args: argparse.Namespace) -> int:
     from swath.tools.rerun.rerun import draw_report
 
     print(draw_report(args.source))
+    if not (args.source / "summary.json").is_file():
+        print("note    the run was killed: the page shows what its recording holds")
     return 0
 
 
-_DESCRIPTION = """Writes report.html of a run that was stopped while it was drawn, or before the end. The
-recording is played for it, so the run must have recorded every sample (run.record: exact or full)."""
+_DESCRIPTION = """Writes report.html of a run that was stopped while it was drawn, or killed before its end:
+then the page says so. The recording is played for it, so it must hold every sample."""

@@ -297,10 +297,13 @@ def _edge_about(shape: Any, path: F64, reach: float) -> F64:
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A run that is over and lacks its report, which is drawn while its recording is played."""
+    """A run that is over and lacks its report, which is drawn while its recording is played.
+
+    summary: None of one that was killed; it becomes that of what is played
+    """
 
     folder: Path
-    summary: Mapping[str, Any]
+    summary: Mapping[str, Any] | None
     scenario: Scenario
 
 
@@ -333,11 +336,19 @@ class ReportWriter(RunHook):
             return
         of = self._of or FinishedRun(run.out, summary, run.world.scenario)
         tracks = {name: tracks.arrays(most=SHOWN_ROWS) for name, tracks in run.recorder.tracks.items()}
+        told = _of_killed(summary, of.scenario) if of.summary is None else of.summary
         data = collect(
-            of.summary, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures,
+            told, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures,
             self._flows,
         )  # fmt: skip
         write_report(of.folder, data)
+
+
+def _of_killed(played: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
+    """The summary of a run that left none, by that of its recording as it was played."""
+    what = f"the run was killed: this is what its recording holds, {played['simulated_s']:.1f} s"
+    own = {"summary": scenario.summary, "incomplete": True, "digest": "", "notes": [what, *played["notes"]]}
+    return {**played, **own}
 
 
 def _true_offset(detection: EdgeDetection) -> float:

@@ -157,7 +157,11 @@ class Session:
     def _each(self, stored: Stored) -> Iterator[Result]:
         for run in self.runs():
             if (found := stored.get(run.id)) is not None:
-                whole = {**found, "id": run.id, **_about(run)}  # another candidate may have come to the same scenario
+                whole = {
+                    **found,
+                    "id": run.id,
+                    **_about(run),
+                }  # another candidate may have come to the same scenario
                 with readable("journal", "results of candidates in shadow", self.journals):
                     others = list(in_shadow(whole, run.shadows))
                 yield from (whole, *others)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.files.output_folder import check_free
 from swath.core.files.temporary import TemporaryFolder
 from swath.core.foreign_code import code_unread
 from swath.judge.summary import read_summary
@@ -14,6 +15,7 @@ from swath.record.read.feed import own_outputs
 from swath.record.read.files import Log, open_log
 from swath.report.report import FinishedRun, ReportWriter
 from swath.runtime.changes import read_events
+from swath.runtime.folder import check_run_folder
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import JobResult, run_job
 from swath.scenario.overrides import layered
@@ -56,14 +58,14 @@ class Rerun:
 def draw_report(folder: Path) -> Path:
     """Write report.html of a run that was stopped before it had one, and return its path.
 
-    Its recording is played: all slots but the header, which cuts the field anew. InputError where there is no
-    summary, or not every sample.
+    Its recording is played: all slots but the header, which cuts the field anew. Of a run that was killed, so
+    has no summary, the page shows what the recording holds, and says so. InputError where that is not every
+    sample.
     """
+    check_run_folder(folder)
+    check_free(folder)
     file = folder / "summary.json"
-    if not file.is_file():
-        expected = "expected a run folder with a summary.json; a run that was killed before has to run again"
-        raise InputError("run", str(folder), expected)
-    summary = read_summary(file, "run")
+    summary = read_summary(file, "run") if file.is_file() else None
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
     with code_unread():
         writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
