@@ -2,11 +2,13 @@
 
     nice python -m benchmarks.kills --count 200
     python -m benchmarks.kills --only dataset --seed 17 --count 5
+    python -m benchmarks.kills --only tune --kinds SIGKILL --count 30
 
-Each attempt is one fault, of a kind and at a moment that the seed says: a signal after a time, or one of
-benchmarks/faults.c at a count of what is written. After some, the same command runs to its end, and the
-folder has to equal one that was never disturbed: in the files that two undisturbed ones have in common, and
-the common values of their JSON. Until then, whatever has its name is whole.
+Each attempt is one fault, of a kind and at a moment that the seed says, spread over the length of the
+command: a signal after a time, or one of benchmarks/faults.c at a count of what is written. After some, the
+same command runs to its end, and the folder has to equal one that was never disturbed: in the files that two
+undisturbed ones have in common, and the common values of their JSON. Until then, whatever has its name is
+whole.
 """
 
 import argparse
@@ -21,7 +23,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -69,6 +71,8 @@ LINES = {  # command line, and how it may end
     "dataset": (["dataset", "straight", "--set", CAMERA, "--count", "4", "--per-scene", "2",
                  "--width-px", "64", "--height-px", "48", "--workers", "1"], (0,)),
     "test estimate": (["test", "estimate", "case.yaml", "--budget", "20", "--workers", "1"], (0, 3)),
+    "tune": (["tune", "case.yaml", "--param", "field.stand.stems_per_m2=300..500", "--tries", "10",
+              "--each", "1", "--proof", "10", "--workers", "1"], (0, 1, 3, 4)),
 }  # fmt: skip
 
 
@@ -208,7 +212,7 @@ class Victim:
     whole: dict[str, Any] = field(default_factory=dict)
     count: int = 0
     length_s: float = 0.0
-    done: set[str] = field(default_factory=set)
+    done: set[tuple[str, str]] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.line, self.codes = LINES[self.name]
@@ -243,14 +247,14 @@ class Victim:
         assert not left, left
         self._count_done()
 
-    def disturb(self, kind: str, rng: random.Random) -> str:
-        """One fault; how the command ended. AssertionError where that is no way to end."""
-        at, whom = rng.randint(1, self.count), rng.choice(["one", "all"])
+    def disturb(self, kind: str, rng: random.Random, share: float) -> str:
+        """One fault, at a share of its length; how the command ended. AssertionError where none should."""
+        at, whom = 1 + int(share * self.count), rng.choice(["one", "all"])
         if kind in FAULTS:
             self.starter.start(self.line, self.out, kind, at, whom)
         else:
             pid = self.starter.start(self.line, self.out)
-            time.sleep(rng.uniform(0.0, self.length_s))
+            time.sleep(share * self.length_s)
             with suppress(ProcessLookupError):
                 os.kill(pid, getattr(signal, kind))
         code, said = self.starter.wait()
@@ -274,22 +278,23 @@ class Victim:
 
     def _count_done(self) -> None:
         """What a journal held it still holds."""
-        now = finished(self.out / "journal") if (self.out / "journal").is_dir() else set()
+        now = {(str(f), name) for f in sorted(self.out.rglob("journal")) for name in finished(f)}
         assert self.done <= now or (not now and self.done and (self.out / "results.parquet").exists())
         self.done = set(now)
 
 
-def study(name: str, starter: Starter, count: int, seed: int) -> Iterator[tuple[int, str, str]]:
+def study(
+    name: str, starter: Starter, count: int, seed: int, kinds: Sequence[str] = (*SIGNALS, *FAULTS)
+) -> Iterator[tuple[int, str, str]]:
     """Disturb a command so often: number, kind, how it ended."""
     (starter.folder / "killed.yaml").write_text(SCENARIO)
     (starter.folder / "case.yaml").write_text(CASE)
     victim = Victim(name, starter)
-    kinds = [*SIGNALS, *FAULTS]
     for number in range(count):
         rng = random.Random(f"{name} {seed} {number}")
         kind = kinds[(number + seed) % len(kinds)]
         try:
-            yield number, kind, victim.disturb(kind, rng)
+            yield number, kind, victim.disturb(kind, rng, (number + rng.random()) / count)
             if number % STREAK == STREAK - 1 or number == count - 1:
                 victim.finish()
                 if name not in AGAIN or rng.random() < 0.5:
@@ -306,6 +311,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40, help="faults of each command (default 40)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=LINES, help="only this command")
+    parser.add_argument("--kinds", nargs="+", choices=[*SIGNALS, *FAULTS], default=[*SIGNALS, *FAULTS])
     parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.serve is not None:
@@ -316,9 +322,9 @@ def main() -> None:
         starter = Starter(Path(made).resolve())
         for name in LINES if args.only is None else (args.only,):
             counts: Counter[tuple[str, bool]] = Counter()
-            for _, kind, ended in study(name, starter, args.count, args.seed):
+            for _, kind, ended in study(name, starter, args.count, args.seed, args.kinds):
                 counts[kind, ended == kind] += 1
-            for kind in [*SIGNALS, *FAULTS]:
+            for kind in args.kinds:
                 print(f"| {name} | {kind} | {counts[kind, True]} | {counts[kind, False]} |", flush=True)
         starter.close()
 

@@ -9,6 +9,7 @@ Exit code 1 where a command ended with another code, took more than 60 s of the 
 """
 
 import argparse
+import importlib
 import json
 import os
 import random
@@ -27,6 +28,9 @@ from swath.documents.data_sheets import find_sheet
 from tests.fuzz.mutate import mutated
 
 LOG = find_sheet("jobs", "small-field").parents[1] / "logs" / "sample-log.csv.gz"
+HEAVY = ("matplotlib.pyplot", "pyarrow.parquet", "scipy.stats", "swath.runtime.job", "swath.report.report",
+         "swath.replay.writer", "swath.tools.tune.tune", "swath.tools.function_test.command",
+         "swath.fleet.report")  # fmt: skip
 CPU_S, WAITS_S, MOST_MB = 60, 300, 2048
 CODES = (0, 1, 2, 3, 4)
 SCENARIO = """
@@ -83,6 +87,8 @@ class Folders:
     """Whole folders, each made once."""
 
     def __init__(self, folder: Path) -> None:
+        for heavy in HEAVY:  # once for all commands, which are forks
+            importlib.import_module(heavy)
         self.folder = folder
         (folder / "drive.yaml").write_text(SCENARIO)
         (folder / "case.yaml").write_text(CASE)
