@@ -12,7 +12,7 @@ from swath.core.errors import InputError
 from swath.judge.catalogue import load_evaluators
 from swath.sensing.lidar.empirical import BIASED
 from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
-from swath.tools.function_test.journal import TABLE, Result, read_table
+from swath.tools.function_test.journal import TABLE, read_table
 from swath.tools.function_test.judging.judged import OPEN, UNJUDGED
 from swath.tools.function_test.judging.margin import MARGIN
 from swath.tools.function_test.judging.paired import (
@@ -25,6 +25,7 @@ from swath.tools.function_test.judging.paired import (
 )
 from swath.tools.function_test.plan import looked_at
 from swath.tools.function_test.session import open_session
+from swath.tools.function_test.stored_line import Result
 
 VERDICTS = "verdicts"
 METRICS = (

@@ -29,7 +29,6 @@ from swath.tools.function_test.journal import (
     ROWS,
     TABLE,
     Journal,
-    Result,
     Stored,
     read_journals,
     results_of,
@@ -40,6 +39,7 @@ from swath.tools.function_test.judging.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
 from swath.tools.function_test.pool import Done, run_all
+from swath.tools.function_test.stored_line import Result
 
 JOURNALS, RUNS, EARLIER = "journal", "runs.parquet", "earlier"
 PAGES = ("report.html", "junit.xml")

@@ -26,12 +26,13 @@ from swath.signals import F64
 from swath.tools.function_test.candidates import SHIPPED
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.compare import VERDICTS, Comparison, better_of, compare
-from swath.tools.function_test.journal import Result, write_table
+from swath.tools.function_test.journal import write_table
 from swath.tools.function_test.judging.judged import UNJUDGED
 from swath.tools.function_test.judging.margin import MARGIN, judged_margin
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import Session, claim_folder
+from swath.tools.function_test.stored_line import Result
 from swath.tools.tune.optimiser import FEWEST, MOST, Measured, Tried, front, optimise, searched_by, winner
 from swath.tools.tune.parameters import Parameter, as_sets, read_parameter, sets_at
 

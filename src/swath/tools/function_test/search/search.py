@@ -17,13 +17,14 @@ from swath.documents.validation import near_miss
 from swath.runtime.workers import workers_kept
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of
-from swath.tools.function_test.journal import TABLE, Result, read_table
+from swath.tools.function_test.journal import TABLE, read_table
 from swath.tools.function_test.judging.margin import judged_margin
 from swath.tools.function_test.judging.verdict import describe, lower_bound, verdict
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.search.boundary import Boundary, first_points, next_points, sobol_points
 from swath.tools.function_test.session import Session, claim_folder, read_asked
+from swath.tools.function_test.stored_line import Result
 
 SEARCH = "search.json"
 FEWEST = 8  # runs of a search
