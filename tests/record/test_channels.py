@@ -1,6 +1,7 @@
 """MF4, BLF and ASC: a run goes there and comes back, others read it, and what is not said is not guessed."""
 
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -363,6 +364,16 @@ def test_a_message_of_several_frames_is_put_together(tmp_path, size):
     assert found == {f"Last@{source:02X}": [0.5 * speeds[source]] for source in range(3)}
     assert log.units["Last@00"] == "km/h"
     assert log.notes["messages of several frames that lack one"] == 1
+
+
+@pytest.mark.parametrize("version", ["2.14", "3.30"])
+def test_mdf_before_4_is_refused_by_its_version(tmp_path, version):
+    with asammdf.MDF(version=version) as mdf:
+        t = np.linspace(0.0, 1.0, 11)
+        mdf.append([asammdf.Signal(t, t, name="speed", unit="m/s")])
+        path = Path(mdf.save(tmp_path / "old.mdf", overwrite=True))
+    with pytest.raises(InputError, match=rf"log = old\.mdf: expected MDF 4 \(\.mf4\), it is MDF {version} \("):
+        read_machine_log(path)
 
 
 def test_what_is_no_measurement_is_named_by_its_ending(tmp_path):

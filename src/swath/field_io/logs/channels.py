@@ -81,12 +81,16 @@ def si_unit(text: str) -> tuple[str, float] | None:
 
 
 def kind_of(path: Path) -> str:
-    """MF4, BLF or ASC by the first bytes of a file; '' for another one."""
+    """MF4, BLF or ASC by the first bytes of a file; '' for another one. InputError for an MDF before 4."""
     if not path.is_file():
         return ""
     with open_to_read(path, "log", "a log") as file:
-        head = file.read(8)
-    return next((kind for magic, kind in MAGIC.items() if head.startswith(magic)), "")
+        head = file.read(16)
+    kind = next((kind for magic, kind in MAGIC.items() if head.startswith(magic)), "")
+    if kind == "MF4" and head[8:9] in (b"1", b"2", b"3"):  # its version as text: 3.30, 4.10
+        version = head[8:].partition(b"\0")[0].decode("ascii", "replace").strip()
+        raise InputError("log", path.name, f"expected MDF 4 (.mf4), it is MDF {version}", file=path)
+    return kind
 
 
 def open_channels(path: Path) -> Channels | None:
