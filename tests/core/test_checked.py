@@ -56,7 +56,7 @@ def test_what_none_can_hold_is_refused_with_file_and_field(field, value, expecte
 def test_a_clearance_in_millimetres_is_no_clearance(concave):
     checked = CheckedOutput("combine.settings", "my.py:Mine", (Port("settings", OrganSettings),))
     checked.pass_on(0, {"settings": OrganSettings(0, concave=0.008)})
-    with pytest.raises(InputError, match=r"settings\.concave = .*from 0 to 0\.1"):
+    with pytest.raises(InputError, match=r"settings\.concave = .*from 0\.0001 to 0\.1"):
         checked.pass_on(0, {"settings": OrganSettings(0, concave=concave)})
 
 

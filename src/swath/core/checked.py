@@ -15,7 +15,7 @@ from swath.core.component import Outputs, Port
 from swath.core.errors import InputError, shortened
 from swath.core.fault import NOTHING, Fault, FaultyOutput
 from swath.core.frames import Pose
-from swath.core.signal import Quantity, Signal, per_signal
+from swath.core.signal import Quantity, Signal, per_signal, span_of
 
 Check = Callable[[Any], bool]
 
@@ -40,19 +40,26 @@ class CheckedOutput(FaultyOutput):
             signal = self._signals[name]
             if not isinstance(sample, signal):
                 raise self._error(f".{name}", sample, f"expected a {signal.__name__}")
-            for field, fits, expected in _checks(signal):
-                value = getattr(sample, field)
-                try:
-                    is_right = fits(value)
-                except (TypeError, ValueError, AttributeError):
-                    is_right = False
-                if not is_right:
-                    raise self._error(f".{name}.{field}", value, f"expected {expected}")
+            if (wrong := misfit(sample)) is not None:
+                field, expected = wrong
+                raise self._error(f".{name}.{field}", getattr(sample, field), f"expected {expected}")
         return outputs if self.fault is NOTHING else super().pass_on(t, outputs)
 
     def _error(self, key: str, value: Any, expected: str) -> InputError:
         given = value if isinstance(value, float | int) else shortened(repr(value), 80)
         return InputError(f"{self.slot}{key}", given, expected, file=self.part)
+
+
+def misfit(sample: Signal) -> tuple[str, str] | None:
+    """The first field of a sample that holds what it cannot, and what was expected there."""
+    for field, fits, expected in _checks(type(sample)):
+        try:
+            is_right = fits(getattr(sample, field))
+        except (TypeError, ValueError, AttributeError):
+            is_right = False
+        if not is_right:
+            return field, expected
+    return None
 
 
 @per_signal
@@ -64,8 +71,7 @@ def _checks(signal: type[Signal]) -> list[tuple[str, Check, str]]:
         if get_origin(hint) is not Annotated:
             continue
         kind, quantity = get_args(hint)[:2]
-        low, high = quantity.span
-        low = max(low, 0.0) if field.name.endswith("_sd") else low
+        low, high = span_of(field.name, quantity)
         what = "finite" if (low, high) == (-inf, inf) else f"from {low:g} to {high:g}"
         nan = f", or nan: {quantity.nan}" if quantity.nan else ""
         if kind is bool:

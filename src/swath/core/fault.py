@@ -6,6 +6,7 @@ leaves; what was sent at t = 0 passes, so that every reader has something to beg
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from swath.core.component import KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.signal import Quantity, Signal, quantities
+from swath.core.signal import Quantity, Signal, quantities, span_of
 from swath.core.units import UNITS
 
 Window = tuple[float, float]
@@ -123,16 +124,22 @@ def _changes(fault: Fault, signal: type[Signal]) -> dict[str, Change]:
         scale = next((fault.scale[key] for key in (field, *by_key) if key in fault.scale), 1.0)
         is_beam = field in BEAM_FIELDS and (fault.beam_loss or fault.dead_beams)
         if scale != 1.0 or bias or noise or stuck is not None or is_beam:
-            found[field] = _change(scale, bias or 0.0, noise or 0.0, stuck, fault if is_beam else None)
+            beams, span = fault if is_beam else None, span_of(field, quantity)
+            found[field] = _change(scale, bias or 0.0, noise or 0.0, stuck, beams, span)
     return found
 
 
-def _change(scale: float, bias: float, noise: float, stuck: float | None, beams: Fault | None) -> Change:
+def _change(
+    scale: float, bias: float, noise: float, stuck: float | None, beams: Fault | None, span: Window
+) -> Change:
+    """The change of a field, which stays within what it can hold."""
+
     def change(value: Any, stream: Stream, t: int) -> Any:
         wrong = value * scale + bias if stuck is None else value * 0.0 + stuck
         if noise:
             drawn = stream.at(t).standard_normal(np.shape(value))
             wrong = wrong + noise * drawn
+        wrong = np.clip(wrong, *span) if isfinite(span[0]) or isfinite(span[1]) else wrong
         if beams is not None:
             wrong = np.where(_lost_beams(beams, stream, t, len(value))[:, None], np.nan, wrong)
         return wrong.astype(value.dtype) if isinstance(value, np.ndarray) else type(value)(wrong)

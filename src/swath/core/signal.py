@@ -137,6 +137,12 @@ def quantities(signal: type[Signal]) -> dict[str, Quantity]:
     return found
 
 
+def span_of(field: str, quantity: Quantity) -> tuple[float, float]:
+    """Least and greatest value of a field; a standard deviation is never less than 0."""
+    low, high = quantity.span
+    return (max(low, 0.0), high) if field.endswith("_sd") else (low, high)
+
+
 def signal_types() -> list[type[Signal]]:
     """All sample types by order of definition; a user's own are there once their file has been loaded."""
     found: list[type[Signal]] = []

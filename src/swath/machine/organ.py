@@ -113,7 +113,7 @@ class Setting(KeepsState):
         wanted = own_settings(self._works, self._crop, asked)
         now = wanted if self._now is None else self._now
         steps = {name: rate * h for name, rate in self._rates.items()}
-        self._now = {n: now[n] + min(max(wanted[n] - now[n], -step), step) for n, step in steps.items()}
+        self._now = {n: min(max(wanted[n], now[n] - step), now[n] + step) for n, step in steps.items()}
         over = {name: value / self.own[name] for name, value in self._now.items()}
         for name, ratio in over.items():
             if not 1.0 / FAR <= ratio <= FAR and name not in self.beyond:

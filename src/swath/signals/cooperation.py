@@ -1,5 +1,6 @@
 """What machines that work side by side send each other, and how grain goes from one to the other."""
 
+from math import isfinite
 from typing import Annotated
 
 import numpy as np
@@ -121,6 +122,23 @@ class PeerState(Signal, about=About()):
     header_front: Annotated[float, Quantity("m", "of its header, ahead", nan="no header")] = _NAN
     header_left: Annotated[float, Quantity("m", "middle of its header, leftward", nan="no header")] = _NAN
     header_width: Annotated[float, Quantity("m", "of its header", nan="no header")] = _NAN
+
+    @property
+    def has_place(self) -> bool:
+        """Whether a message says where the other one is, and how it moves."""
+        whole = self.age, self.x, self.y, self.heading, self.speed, self.yaw_rate
+        return self.is_heard and all(map(isfinite, whole))
+
+    @property
+    def has_box(self) -> bool:
+        """Whether it says where its box is, and how large."""
+        whole = self.box_x, self.box_y, self.box_heading, self.box_length, self.box_width
+        return self.is_heard and all(map(isfinite, whole))
+
+    @property
+    def has_stream(self) -> bool:
+        """Whether it says where its stream comes down."""
+        return self.is_heard and isfinite(self.impact_x) and isfinite(self.impact_y)
 
 
 @frozen

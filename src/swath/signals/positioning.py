@@ -1,7 +1,7 @@
 """What a machine measures of its own motion and place."""
 
 from collections.abc import Callable
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Annotated
 
 from swath.core.frozen import frozen
@@ -82,7 +82,9 @@ class Fix(Signal, about=About("world", _FIX, time_column="fix_t_s")):
     ]
     vertical_sd: Annotated[float, Quantity("m", "1 sigma as reported", nan="not known")]
     speed_sd: Annotated[float, Quantity("m/s", "1 sigma as reported", nan="not known")]
-    quality: Annotated[int, Quantity("", "0 none, 1 single, 2 dgps, 3 float, 4 fix", column="fix_quality")]
+    quality: Annotated[
+        int, Quantity("", "0 none, 1 single, 2 dgps, 3 float, 4 fix", column="fix_quality", span=(0, 4))
+    ]
     longitude: Annotated[
         float, Quantity("rad", "of the same place", nan="no position, or nowhere on Earth")
     ] = _NAN
@@ -115,6 +117,11 @@ class Fix(Signal, about=About("world", _FIX, time_column="fix_t_s")):
     pitch: Annotated[
         float, Quantity("rad", "of the machine, > 0 nose down", nan="no two antennas along it")
     ] = _NAN
+
+    @property
+    def has_place(self) -> bool:
+        """Whether it says where the antenna is."""
+        return self.quality > 0 and isfinite(self.x) and isfinite(self.y)
 
 
 def _sd(i: int) -> Callable[[F64], float]:

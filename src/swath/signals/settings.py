@@ -12,7 +12,7 @@ OWN = "as the machine has it for its crop"
 SIEVE_AIR = (
     2.0  # of the fan's air lost per mm that the upper sieve is wider: an estimate within 1 to 4 [%/mm]
 )
-SPEED, GAP, STEEP = (0.0, 5000.0 * RPM), (0.0, 100.0 * MM), (0.0, 80.0 * DEG)
+SPEED, GAP, STEEP = (1.0 * RPM, 5000.0 * RPM), (0.1 * MM, 100.0 * MM), (1.0 * DEG, 80.0 * DEG)
 
 
 @frozen
@@ -21,7 +21,7 @@ class OrganSettings(Signal):
 
     drum: Annotated[float, Quantity("rad/s", "drum or rotor", nan=OWN, span=SPEED)] = nan
     concave: Annotated[float, Quantity("m", "clearance between drum and concave", nan=OWN, span=GAP)] = nan
-    fan: Annotated[float, Quantity("rad/s", "fan of the shoe", nan=OWN, span=SPEED)] = nan
+    fan: Annotated[float, Quantity("rad/s", "fan of the shoe", nan=OWN, span=(0.0, SPEED[1]))] = nan
     upper: Annotated[float, Quantity("m", "opening of the upper sieve", nan=OWN, span=GAP)] = nan
     lower: Annotated[float, Quantity("m", "opening of the lower sieve", nan=OWN, span=GAP)] = nan
     vane: Annotated[

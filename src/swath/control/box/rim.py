@@ -5,7 +5,7 @@ and box drive side by side, so that a sweep needs no correction for the way.
 """
 
 from dataclasses import dataclass
-from math import pi
+from math import isfinite, nan, pi
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -83,12 +83,10 @@ class RimFit(KeepsState):
     def _size(self, peer: PeerState | None) -> Size | None:
         """Length, width and height of the rim [m]; None where nobody said so yet."""
         p = self._p
-        sizes = (
-            (None,) * 3
-            if peer is None or not peer.is_heard or peer.box_length != peer.box_length
-            else (peer.box_length, peer.box_width, peer.rim_height)
-        )
-        size = [mine or theirs for mine, theirs in zip((p.length_m, p.width_m, p.rim_m), sizes, strict=True)]
+        is_heard = peer is not None and peer.is_heard
+        told = (peer.box_length, peer.box_width, peer.rim_height) if is_heard else (nan,) * 3
+        own = p.length_m, p.width_m, p.rim_m
+        size = [mine or (said if isfinite(said) else None) for mine, said in zip(own, told, strict=True)]
         return None if None in size else (size[0] or 0.0, size[1] or 0.0, size[2] or 0.0)
 
     def _is_sure(self, rim: Rim) -> bool:

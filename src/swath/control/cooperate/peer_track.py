@@ -1,7 +1,7 @@
 """Where the other machine is now: its newest message, brought forward to the present."""
 
 from collections.abc import Mapping
-from math import cos, sin
+from math import cos, inf, isfinite, sin
 
 from swath.core.component import Inputs, KeepsState, Port
 from swath.core.schedule import NS
@@ -31,7 +31,7 @@ class PeerTrack(KeepsState):
     def reset(self) -> None:
         """Nothing heard."""
         self.x = self.y = self.heading = self.speed = self.yaw_rate = self.acceleration = 0.0
-        self.age, self._valid, self._left = float("inf"), -1, 0.0
+        self.age, self._valid, self._left = inf, -1, 0.0
 
     @property
     def curvature(self) -> float:
@@ -40,17 +40,19 @@ class PeerTrack(KeepsState):
 
     def update(self, t: int, dt: int, peer: PeerState, own: Odometry) -> None:
         """A step of dt [ns] up to t [ns] passed; peer: the newest message."""
-        if not peer.is_heard:
+        if not peer.has_place:
+            if self.age < inf:
+                self.age += dt / NS
+                self._carry_on(dt / NS, own)
             return
         valid = peer.t - round(peer.age * NS)
         self.age = (t - valid) / NS
         if valid != self._valid:
             self._valid = valid
             self.x, self.y, self.heading = peer.x, peer.y, peer.heading
-            self.speed, self.yaw_rate, self.acceleration = peer.speed, peer.yaw_rate, peer.acceleration
-            self._left = TRUSTED
-            if not self._compensated:
-                self.acceleration = 0.0
+            self.speed, self.yaw_rate, self._left = peer.speed, peer.yaw_rate, TRUSTED
+            is_told = self._compensated and isfinite(peer.acceleration)
+            self.acceleration = peer.acceleration if is_told else 0.0
             self._carry_on(self.age, own)
         else:
             self._carry_on(dt / NS, own)

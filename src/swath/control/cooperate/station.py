@@ -7,9 +7,10 @@ of its trailer by what that tracks off in a bend; what is left at the box is tak
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from math import atan2, copysign, cos, hypot, sin, sqrt
+from math import atan2, copysign, cos, hypot, inf, sin, sqrt
 from typing import Annotated, Literal
 
+import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.control.cooperate.freeboard import FreeboardTrack
@@ -165,7 +166,7 @@ class StationKeeper(KeepsState, ABC):
         own: Odometry = inputs["odometry"]
         self._fold(own, h)
         self._track.update(now, dt, peer, own)
-        if not peer.is_heard or peer.impact_x != peer.impact_x:
+        if self._track.age == inf or not peer.has_stream:
             return {"station": self._idle(now)}
         before = self._spot
         self._box_seen.update(inputs.get("seen"), *self._track.to_peer(*self._middle()))
@@ -174,6 +175,11 @@ class StationKeeper(KeepsState, ABC):
             is_blind = self._box_seen.age(now) > self._keep.blind_s
             heights, freeboard = self._box_seen.grain(self._box.depth)
             heap = replace(heap, profile=heights, freeboard=freeboard, lean=self._box_seen.lean)
+        if not np.isfinite(heap.profile).any() or not np.isfinite(heap.freeboard).any():
+            self._waits = True
+            return {"station": self._idle(now)}
+        full = np.where(np.isfinite(heap.profile), heap.profile, self._box.depth)  # what nobody measured
+        heap = replace(heap, profile=full, freeboard=np.nan_to_num(heap.freeboard))
         self._free.update(heap.freeboard, h)
         view = self._view(heap)
         spot, is_full = self.aim(now / NS, view)

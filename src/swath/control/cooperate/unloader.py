@@ -95,7 +95,7 @@ class Unloader(KeepsState):
         elif level <= p.stop_percent * PERCENT:
             self._wants = False
         is_heard = self._track.age <= p.silence_s
-        may_pour = is_heard and not peer.is_full and peer.box_x == peer.box_x
+        may_pour = is_heard and not peer.is_full and peer.has_box
         if may_pour:
             self._box_seen.update(inputs.get("box"), *self._track.to_own(peer.box_x, peer.box_y))
         room = self._room(peer, unload, dt / NS) if may_pour else -inf
@@ -124,7 +124,7 @@ class Unloader(KeepsState):
     def _rank(self, name: str, said: PeerState) -> tuple[bool, float]:
         """Carts before machines without a box."""
         track = self._tracks[name]
-        return said.box_x != said.box_x, hypot(track.x, track.y) if said.is_heard else inf
+        return not said.has_box, hypot(track.x, track.y) if track.age < inf else inf
 
     def _decide(self, now: float, room: float) -> bool:
         """Pour while the stream keeps its margin; begin when it has kept twice that for a while."""

@@ -57,9 +57,10 @@ ASSUMED: Mapping[str, tuple[float, float]] = {
     "float": (0.01, 300.0),
     "fix": (0.38, 120.0),
 }
-# Standard deviations of a receiver that reports none [m], [m/s] (docs/explanation/sensors.md).
+# Standard deviations of a receiver that reports none [m], [m/s], [rad] (docs/explanation/sensors.md).
 UNREPORTED_SD = {"single": 2.0, "dgps": 0.5, "float": 0.2, "fix": 0.012}
 UNREPORTED_SPEED_SD = 0.05
+UNREPORTED_HEADING_SD = 1.0 * DEG
 
 
 @dataclass(frozen=True)
@@ -103,11 +104,16 @@ class Params:
 
 def _complete(fix: Fix) -> Fix:
     """The fix with what the filter assumes where the receiver does not say how sure it is."""
-    if isfinite(fix.horizontal_sd) and isfinite(fix.speed_sd):
-        return fix
-    sd = fix.horizontal_sd if isfinite(fix.horizontal_sd) else UNREPORTED_SD[FIX_QUALITIES[fix.quality]]
-    speed_sd = fix.speed_sd if isfinite(fix.speed_sd) else UNREPORTED_SPEED_SD
-    return replace(fix, horizontal_sd=sd, speed_sd=speed_sd)
+    told: dict[str, float] = {}
+    if not isfinite(fix.horizontal_sd):
+        told["horizontal_sd"] = UNREPORTED_SD[FIX_QUALITIES[fix.quality]]
+    if not isfinite(fix.speed_sd):
+        told["speed_sd"] = UNREPORTED_SPEED_SD
+    if isfinite(fix.heading) and not isfinite(fix.heading_sd):
+        told["heading_sd"] = UNREPORTED_HEADING_SD
+    if not isfinite(fix.speed):
+        told["course"] = NAN  # it says nothing without
+    return replace(fix, **told) if told else fix
 
 
 class EkfPose(KeepsState):
@@ -173,7 +179,7 @@ class EkfPose(KeepsState):
             self._go(self._now, m)
         else:
             self._reckoning.take(inputs["odometry"])
-        if fix is not None and isfinite(fix.x) and fix.t > self._fix_t and now - fix.t <= OLDEST:
+        if fix is not None and fix.has_place and fix.t > self._fix_t and now - fix.t <= OLDEST:
             self._fix_t = fix.t
             self._take(_complete(fix))
         while self._steps and self._steps[0].t <= now - OLDEST:

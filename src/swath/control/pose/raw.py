@@ -75,7 +75,7 @@ class RawPose(KeepsState):
         speed = self._reckoning.latest.speed if self._reckoning.is_known else 0.0
         self._tilt.take(inputs.get("inertial"), speed)
         fix: Fix | None = inputs["fix"]
-        is_new = fix is not None and isfinite(fix.x) and (self._fix is None or fix.t > self._fix.t)
+        is_new = fix is not None and fix.has_place and (self._fix is None or fix.t > self._fix.t)
         if fix is not None and is_new and self._reckoning.is_known:
             self._take(fix)
         return {"pose": self._estimate(now)}

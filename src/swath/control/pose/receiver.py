@@ -40,7 +40,7 @@ class AntennaPlace:
         px, py, pz = self._at
         ahead_x, ahead_z = 1.0 - ux * ux, -ux * uz
         ahead_y = -ux * uy
-        size = hypot(ahead_x, ahead_y, ahead_z)
+        size = max(hypot(ahead_x, ahead_y, ahead_z), 1e-9)  # 0: its nose points up
         fx, fy, fz = ahead_x / size, ahead_y / size, ahead_z / size
         lx, ly, lz = uy * fz - uz * fy, uz * fx - ux * fz, ux * fy - uy * fx
         return px * fx + py * fy + pz * fz, px * lx + py * ly + pz * lz

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import Annotated
 
-from annotated_types import Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.random import Stream
@@ -13,8 +13,8 @@ from swath.core.units import DEG, MM, RPM
 from swath.signals import OrganSettings
 from swath.signals.setup import ControlSetup
 
-Speed = Annotated[float, Gt(0), Le(5000)]
-Opening = Annotated[float, Gt(0), Le(100)]
+Speed = Annotated[float, Ge(1), Le(5000)]
+Opening = Annotated[float, Ge(0.1), Le(100)]
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Params:
 
     drum_rpm: Speed | None = None
     concave_mm: Opening | None = None
-    fan_rpm: Speed | None = None
+    fan_rpm: Annotated[float, Ge(0), Le(5000)] | None = None
     upper_sieve_mm: Opening | None = None
     lower_sieve_mm: Opening | None = None
-    vane_deg: Annotated[float, Gt(0), Le(80)] | None = None
+    vane_deg: Annotated[float, Ge(1), Le(80)] | None = None
 
 
 UNITS = {"drum_rpm": RPM, "concave_mm": MM, "fan_rpm": RPM,

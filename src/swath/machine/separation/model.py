@@ -95,7 +95,8 @@ class Rotor(KeepsState):
             done * np.array([[-threshability * threshing], [-threshability * separation]])
         )
         ear = p[EAR] * still
-        free = p[FREE] * kept + p[EAR] * (still - kept) * (threshing / (separation - threshing))
+        grown = threshing / (separation - threshing) if threshing else 0.0
+        free = p[FREE] * kept + p[EAR] * (still - kept) * grown
         separated = float((p[EAR] + p[FREE] - ear - free).sum())
         p[FRONT], p[EAR], p[FREE] = front, ear, free
         return separated, self._leave()
@@ -200,7 +201,7 @@ class Rotors(Organ):
         )
         unthreshed, lost, dropped, leaving = out
         if leaving > 0.0:
-            self._loss_share = (unthreshed + lost) / leaving
+            self._loss_share = min((unthreshed + lost) / leaving, 1.0)  # drum and stream may not agree
         if entering.free > 0.0:
             self._broken = entering.broken / entering.free
         broken = min(self._broken * p.broken, 1.0)

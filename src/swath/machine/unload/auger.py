@@ -193,7 +193,7 @@ class Auger(KeepsState):
         """Grain [kg] out of the tank in so many seconds of full flow; the process books it later."""
         content = load.tank_grain + load.unloaded_grain - self._drawn.value
         taper = self._p.taper_percent * PERCENT * self._drivetrain.tank
-        share = 1.0 if content >= taper else max(LEAST_FLOW, content / taper)
+        share = max(LEAST_FLOW, content / taper) if 0.0 < content < taper else 1.0
         mass = min(self._drivetrain.unloading * share * seconds, max(content, 0.0))
         self._drawn.add(mass)
         return mass

@@ -12,7 +12,7 @@ from math import cos, floor, sin, sqrt
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from swath.core.component import Outputs
 from swath.core.random import Stream
@@ -22,7 +22,7 @@ from swath.sensing.field_map.places import Answer, LocatedMap, PlaceParams, mean
 from swath.signals import F64
 
 SMEAR = np.linspace(-0.5, 0.5, 5)  # of the kernel's length: places that are averaged along the way
-FAR = 1 << 20  # nodes of the random field on either side of zero
+FAR = 1 << 20  # nodes of the random field on either side of zero, beyond it comes again
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Params(PlaceParams):
     offset_x_m: Annotated[float, Ge(-100), Le(100)] = 0.0
     offset_y_m: Annotated[float, Ge(-100), Le(100)] = 0.0
     cell_m: Annotated[float, Ge(0), Le(100)] = 5.0
-    noise_cell_m: Annotated[float, Gt(0), Le(500)] = 15.0
+    noise_cell_m: Annotated[float, Ge(0.01), Le(500)] = 15.0
     age_d: Annotated[float, Ge(0), Le(10000)] = 365.0
 
 
@@ -94,7 +94,7 @@ class ErrorMap(LocatedMap):
 
     def _node(self, i: int, j: int) -> float:
         if (i, j) not in self._nodes:
-            counter = (i + FAR) * 2 * FAR + (j + FAR)
+            counter = (i + FAR) % (2 * FAR) * 2 * FAR + (j + FAR) % (2 * FAR)
             self._nodes[i, j] = float(self._stream.at(counter).standard_normal(1)[0])
         return self._nodes[i, j]
 

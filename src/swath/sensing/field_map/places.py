@@ -76,7 +76,7 @@ class LocatedMap(KeepsState, ABC):
     def place(self, now: int, inputs: Inputs) -> tuple[float, float, float] | None:
         """x, y [m] of the fixed axle and heading [rad], as measured; None without a position."""
         fix: Fix | None = inputs["fix"]
-        if fix is None or not isfinite(fix.x):
+        if fix is None or not fix.has_place:
             return None
         odometry: Odometry | None = inputs.get("odometry")
         if isfinite(fix.course):

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from swath.core.checked import misfit
 from swath.core.component import Port
-from swath.core.errors import InputError, raise_all
+from swath.core.errors import InputError, raise_all, reason_of
 from swath.core.files.whole_file import write_csv
 from swath.core.schedule import NS
 from swath.documents.text_file import text_lines
@@ -52,7 +53,7 @@ def read_table(path: Path, part: IsolatedPart) -> Inputs:
         rows = list(_rows(lines, columns, part, path))
         return Inputs([a for _, arrivals in rows for a in arrivals], rows[-1][0] if rows else 0)
     except csv.Error as error:
-        raise InputError("--input", str(path), f"expected a table in UTF-8 ({error})") from None
+        raise InputError("--input", str(path), f"expected a table in UTF-8: {reason_of(error)}") from None
 
 
 def write_table(path: Path, part: IsolatedPart, samples: Sequence[Arrival], end: int = 0) -> None:
@@ -140,6 +141,9 @@ def _rows(
                 sample = build(part.ports[output].signal, stamps.get(output, now), held[output])
             except InputError as error:
                 raise InputError(error.key, error.value, error.expected, file=path, line=line) from error
+            if (wrong := misfit(sample)) is not None:
+                name, value = part.column(output, wrong[0]), getattr(sample, wrong[0])
+                raise InputError(name, value, f"expected {wrong[1]}", file=path, line=line)
             found.append(Arrival(now, output, sample))
         yield now, found
     raise_all(errors)
