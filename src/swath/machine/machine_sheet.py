@@ -60,7 +60,7 @@ class Masses:
 
     roll_inertia: Annotated[float, Quantity("kg_m2", 10, 1e7, key="mass.roll_inertia")]
     pitch_inertia: Annotated[float, Quantity("kg_m2", 10, 1e7, key="mass.pitch_inertia")]
-    header: Annotated[float, Quantity("kg", 0, 2e4, key="bodies.header")]
+    header: Annotated[float, Quantity("kg", 1, 2e4, key="bodies.header")]
     header_x: Annotated[float, Quantity("m", -10, 15, key="bodies.header_x")]
     header_z: Annotated[float, Quantity("m", 0, 5, key="bodies.header_z")]
     feeder: Annotated[float, Quantity("kg", 1, 1e4, key="bodies.feeder")]

@@ -84,4 +84,8 @@ class RadarSheet:
 
 def load_radar(name: str, base: Path | None = None) -> RadarSheet:
     """A bundled radar by name, or the user's own YAML file."""
-    return read_sheet("sensors", name, base).read(RadarSheet)
+    sheet = read_sheet("sensors", name, base)
+    made = sheet.read(RadarSheet)
+    if made.range_max < made.range_min + made.range_resolution:
+        raise sheet.error("range_max_m", "expected at least range_min_m and range_resolution_m together")
+    return made
