@@ -372,7 +372,7 @@ def test_mdf_before_4_is_refused_by_its_version(tmp_path, version):
         t = np.linspace(0.0, 1.0, 11)
         mdf.append([asammdf.Signal(t, t, name="speed", unit="m/s")])
         path = Path(mdf.save(tmp_path / "old.mdf", overwrite=True))
-    with pytest.raises(InputError, match=rf"log = old\.mdf: expected MDF 4 \(\.mf4\), it is MDF {version} \("):
+    with pytest.raises(InputError, match=rf"old\.mdf: expected MDF 4 \(\.mf4\), it is MDF {version} \("):
         read_machine_log(path)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, shortened
+from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, reason_of, shortened
 from swath.core.files.place import within
 from swath.core.files.temporary import sweep
 from swath.core.foreign_code import allow_code, code_in, of_exit, texts_in
@@ -21,7 +21,7 @@ from swath.core.process.processes import skip_folder_settings
 from swath.core.process.stopping import Terminated, raise_if_lost, stoppable
 from swath.core.registry import OWN, installed, installed_part, user_line
 from swath.link.ros2.middleware import networked
-from swath.terminal.options import option
+from swath.terminal.options import number_in, option, whole_number_in
 
 GROUPS = {
     "start": "start",
@@ -52,6 +52,17 @@ class UsageError(SwathError):
 
 class _Parser(argparse.ArgumentParser):
     """Reports a wrong command line as one UsageError."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.register("type", float, number_in)
+        self.register("type", int, whole_number_in)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """As argparse, in swath's words."""
+        if action.choices is not None and value not in action.choices:
+            text = f"expected one of {', '.join(map(str, action.choices))}, not {value!r}"
+            raise argparse.ArgumentError(action, text)
 
     def error(self, message: str) -> NoReturn:
         raise UsageError(f"{message} (see {self.prog} --help)")
@@ -287,9 +298,9 @@ def of_system(error: OSError) -> str:
             return f"{file}: expected a file or folder, not a link to what is not there"
         if error.errno in NOT_WRITABLE and not os.path.exists(file):  # only who writes meets this
             folder = os.path.dirname(file) or "."
-            expected = f"expected a folder that can be written: {error.strerror}"
+            expected = f"expected a folder that can be written: {reason_of(error)}"
             return f"{folder}: {expected}; use --out, or work in another folder"
-    return f"{error.filename}: {error.strerror}"
+    return f"{error.filename}: {reason_of(error)}"
 
 
 def _say(text: str, code: int) -> int:

@@ -1,8 +1,10 @@
 """Errors a user can act on: what is wrong, where, and what was expected."""
 
+import errno
 import pickle
 import re
 from collections.abc import Iterable, Sequence
+from opcode import opmap
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,8 @@ MIGRATED_BY = "`swath migrate` of version 0.2 rewrites a file of version 0.1"
 """What an error about a file in an old form says: the last version that reads it."""
 LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
+TOO_LONG = "its names may have at most 255 bytes"
+DAMAGED = "it is damaged, or of another kind"
 _LONGEST_PLACE, _LONGEST_VALUE, _LEAST_VALUE = 150, 80, 50
 _MOST_LISTS, _MOST_LIKE = 8, 2000  # lists in a text that are cut; names of one that are compared
 _ITEM = r"[^\s,;]*[^\s,;:](?: \([^()]*+\))?"
@@ -117,6 +121,31 @@ class Extra:
         """MissingExtra in the place of an ImportError."""
         if isinstance(error, ImportError):
             raise MissingExtra(*self._missing) from error
+
+
+def reason_of(error: BaseException) -> str:
+    """Why something cannot be read, as swath says it: in the words of its own code, or of the system.
+
+    Of what Python or a library says only the place is kept.
+    """
+    if isinstance(error, OSError) and error.strerror:
+        return TOO_LONG if error.errno == errno.ENAMETOOLONG else error.strerror
+    column = getattr(error, "colno", getattr(error, "offset", None))
+    place = getattr(error, "position", (getattr(error, "lineno", None), column))
+    if isinstance(place, tuple) and all(isinstance(number, int) for number in place):  # of JSON, XML
+        return f"it goes wrong at line {place[0]}, column {place[1]}"
+    said = next(iter(str(error).splitlines()), "")
+    return said if said and (isinstance(error, SwathError) or _is_raised_here(error)) else DAMAGED
+
+
+def _is_raised_here(error: BaseException) -> bool:
+    """Whether a `raise` in swath's own code raised it, and not what that calls."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None or not str(trace.tb_frame.f_globals.get("__name__", "")).startswith("swath."):
+        return False
+    return trace.tb_frame.f_code.co_code[trace.tb_lasti] == opmap["RAISE_VARARGS"]
 
 
 def fitted(text: str, limit: int = LONGEST, like: str = "") -> str:

@@ -25,7 +25,7 @@ from types import ModuleType
 from typing import Any, Protocol, runtime_checkable
 
 from swath.core.ability import ByMembers
-from swath.core.errors import MIGRATED_BY, InputError, SwathError
+from swath.core.errors import MIGRATED_BY, InputError, SwathError, reason_of
 
 SUFFIXES = (".py", ".fmu", ".ssp", ".ssd")
 USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
@@ -151,7 +151,7 @@ def file_of(reference: str | Path, base: Path | None = None) -> Path:
     try:
         return ((base or Path.cwd()) / file).resolve()
     except (OSError, ValueError, RuntimeError) as error:
-        raise InputError("code", text, f"expected a file or file.py:Class ({error})") from error
+        raise InputError("code", text, f"expected a file or file.py:Class: {reason_of(error)}") from error
 
 
 def of_exit(error: SystemExit) -> RuntimeError:

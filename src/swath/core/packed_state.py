@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from swath.core.errors import SwathError
+from swath.core.errors import SwathError, reason_of
 from swath.core.foreign_code import USER_MODULE
 from swath.core.signal import Signal, signal_types
 
@@ -81,7 +81,7 @@ def unpack(data: bytes, shared: Mapping[str, Any] | None = None) -> Any:
     except UnpackableState:
         raise
     except Exception as error:  # whatever numpy and JSON make of bytes that somebody changed
-        raise UnpackableState(f"expected a saved state ({type(error).__name__}: {error})") from error
+        raise UnpackableState(f"expected a saved state ({reason_of(error)})") from error
 
 
 def _name(kind: type) -> str:

@@ -22,6 +22,13 @@ POUND, FOOT, ACRE, GALLON = 0.45359237, 0.3048, 4046.8564224, 3.785411784e-3  # 
 TONNE_M2 = 0.1  # t/ha in kg/m2
 
 
+def digits_in(text: str) -> int:
+    """The number that a text of digits says, -1 for another text: `int` takes those of other scripts, too,
+    `str.isdigit` raised ones, and neither has an end.
+    """
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 19 else -1
+
+
 @dataclass(frozen=True)
 class Unit:
     """A unit. symbol: as people write it; kind: units of one kind measure the same; factor: to SI."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError, SwathError, reason_of
 from swath.core.files.read_file import check_readable, open_to_read
 
 MIB = 1 << 20
@@ -32,11 +32,9 @@ def readable(key: str, what: str, path: Path) -> Iterator[None]:
     except SwathError:
         raise
     except Exception as error:  # readers of foreign files may raise anything
-        text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         if isinstance(error, FileNotFoundError):
             raise InputError(key, str(path), "there is no such file") from error
-        reason = next(iter(text.splitlines()), "") or type(error).__name__
-        raise InputError(key, None, f"expected {what}: {reason[:120]}", file=path) from error
+        raise InputError(key, None, f"expected {what}: {reason_of(error)[:120]}", file=path) from error
 
 
 def is_archive(path: Path) -> bool:
@@ -66,7 +64,7 @@ class _Archive(zipfile.ZipFile):
         except KeyError:
             raise
         except Exception as error:
-            raise zipfile.BadZipFile(str(error) or type(error).__name__) from error
+            raise zipfile.BadZipFile(reason_of(error)) from error
 
 
 @contextmanager
@@ -91,7 +89,7 @@ def open_archive(
         try:
             yield archive
         except zipfile.BadZipFile as error:
-            raise InputError(key, None, f"expected {what}: {str(error)[:120]}", file=path) from error
+            raise InputError(key, None, f"expected {what}: {reason_of(error)[:120]}", file=path) from error
 
 
 @contextmanager

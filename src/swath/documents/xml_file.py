@@ -4,6 +4,8 @@ from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from swath.core.errors import reason_of
+
 DEPTH_MAX = 64  # elements within each other
 
 
@@ -40,5 +42,5 @@ def read_xml(data: bytes, depth_max: int = DEPTH_MAX) -> Element:
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, LookupError, ValueError) as error:  # LookupError: an unknown encoding
-        raise XmlError(str(error), parser.CurrentLineNumber) from error
+        raise XmlError(reason_of(error), parser.CurrentLineNumber) from error
     return builder.close()

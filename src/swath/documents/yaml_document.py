@@ -20,7 +20,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 from ruamel.yaml.representer import SafeRepresenter
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.read_file import open_to_read
 
 KeyPath = tuple[str | int, ...]
@@ -188,7 +188,7 @@ def _parsed(text: str, name: str, file: Path | None) -> Document:
             "YAML", None, "a character that YAML does not allow", file=name, line=line
         ) from error
     except (YAMLError, ValueError) as error:
-        raise InputError("YAML", None, str(error), file=name) from error
+        raise InputError("YAML", None, f"expected YAML: {reason_of(error)}", file=name) from error
     except RecursionError as error:
         raise InputError("YAML", None, f"nested deeper than {MAX_DEPTH}", file=name) from error
     document = Document(None, file, {(): Place(name, 1)})

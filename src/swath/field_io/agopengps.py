@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.files.output_folder import held
 from swath.core.files.whole_file import write_whole
+from swath.core.units import digits_in
 from swath.documents.text_file import read_text
 from swath.field_io.folder import FieldFolder
 from swath.field_io.passes import STRAIGHT_TOLERANCE
@@ -170,9 +171,9 @@ class _Lines:
     def count(self, what: str) -> int:
         """A whole number, of points."""
         row = self.next(what)
-        if not row.isdigit() or int(row) > MOST_POINTS:
+        if not 0 <= (count := digits_in(row)) <= MOST_POINTS:
             raise self.error(what, row, "expected how many points follow")
-        return int(row)
+        return count
 
     def points(self, what: str) -> Array:
         """Points behind their number, (n, 2) [m]."""
@@ -237,13 +238,13 @@ def _read_tracks(file: Path) -> tuple[list[Line], list[str]]:
         a, b = lines.numbers("A", 2), lines.numbers("B", 2)
         lines.numbers("nudge", 1)
         row = lines.next("mode")
-        if not row.lstrip("-").isdigit():
+        if (mode := digits_in(row.removeprefix("-"))) < 0:
             raise lines.error("mode", row, "expected a whole number")
         lines.next("visible")
         points = lines.points("curve")
         if head == "$TwolTracks":  # of a tool, two lines more
             lines.next("tool"), lines.next("tool")
-        kind = MODES.get(int(row))
+        kind = MODES.get(-mode if row.startswith("-") else mode)
         if kind == AB and a != b:
             found.append(Line(name, AB, np.array([a, b])))
         elif kind == CURVE and len(points) >= 2:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.output_folder import check_folder, held
 from swath.core.files.place import move, own_folder, remove, remove_tree
 from swath.core.files.whole_file import PART, write_whole
@@ -161,7 +161,7 @@ def write(field: FieldFolder, picture: Callable[[FieldFolder, Path], None] | Non
                 remove_tree(staged)
     except OSError as error:
         raise InputError(
-            "out", str(out), f"expected a folder that can be written: {error.strerror}"
+            "out", str(out), f"expected a folder that can be written: {reason_of(error)}"
         ) from error
 
 

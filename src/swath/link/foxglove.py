@@ -20,6 +20,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import present_gate
 from swath.core.schedule import NS
+from swath.core.units import digits_in
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.served import Server, Viewer
 
@@ -64,7 +65,7 @@ class Foxglove(RunHook):
 
     def __init__(self, address: str = ADDRESS) -> None:
         host, _, port = address.rpartition(":")
-        if not host or not port.isdigit() or int(port) > 65_535:
+        if not host or not 0 <= digits_in(port) <= 65_535:
             raise InputError("--foxglove", address, f"expected host:port, such as {ADDRESS}")
         self._channels: dict[str, Channel] = {}
         self._clients: list[Client] = []

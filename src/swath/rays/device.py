@@ -5,6 +5,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from swath.core.errors import SwathError
+from swath.core.units import digits_in
 from swath.kernels import start_warp
 
 __all__ = ["ThreadPool", "ray_device", "start_warp", "thread_count"]
@@ -51,9 +52,9 @@ def thread_count() -> int:
     text = os.environ.get("SWATH_THREADS", "")
     if not text:
         return os.cpu_count() or 1
-    if not text.isdecimal() or int(text) < 1:
+    if (count := digits_in(text)) < 1:
         raise SwathError(f"SWATH_THREADS = {text}: expected a whole number >= 1")
-    return int(text)
+    return count
 
 
 def ray_device(name: str | None = None) -> str:

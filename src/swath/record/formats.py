@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.units import digits_in
 
 ABOUT = "recording.json"  # attachment of run.mcap: format, version of swath, detail, mountings, crop
 TRACKS = "swath tracks 1"  # metadata `format` of tracks.parquet
@@ -15,7 +16,7 @@ def check_format(found: str, known: str, file: Path) -> None:
     """InputError for a format that is not `known` or an older number of it; "" passes, it is not swath's."""
     name, _, number = found.rpartition(" ")
     expected, _, newest = known.rpartition(" ")
-    if found and not (name == expected and number.isdigit() and int(number) <= int(newest)):
+    if found and not (name == expected and 0 <= digits_in(number) <= int(newest)):
         text = f"expected {known} or older; a newer version of swath wrote this"
         raise InputError("format", found, text, file=file)
 

@@ -13,7 +13,7 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from swath.core.blocks import Block
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.frames import Pose
 from swath.core.schedule import NS
 from swath.core.signal import signal_types
@@ -226,7 +226,7 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
         stamps = zip(columns[0], columns[1], strict=True)
         yield from [(out, _build(kind, t, named, i)) for i, (out, t) in enumerate(stamps)]
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
-        raise InputError("recording", MSGTYPE, f"expected a block of samples ({error})") from error
+        raise InputError("recording", MSGTYPE, f"expected a block of samples ({reason_of(error)})") from error
 
 
 def _columns(message: Any) -> Iterator[list[Any]]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError, SwathError, reason_of
 from swath.core.files.place import remove
 from swath.core.files.read_file import open_to_read
 from swath.core.files.whole_file import copy_whole, open_to_append, write_whole
@@ -233,7 +233,7 @@ def read_save(data: bytes, folder: Path, shared: Mapping[str, Any]) -> dict[str,
             for name in PAGED:
                 field[name] = [_page(file, place) for place in field[name]]
     except (InputError, OSError, zlib.error, LookupError, TypeError, ValueError) as error:
-        raise UnpackableState(f"expected a whole save ({error})") from error
+        raise UnpackableState(f"expected a whole save ({reason_of(error)})") from error
     return dict(state)
 
 

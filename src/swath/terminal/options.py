@@ -1,7 +1,9 @@
 """Options that commands share: which scenario, what is changed in it, where to write."""
 
 import argparse
+from contextlib import suppress
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,22 @@ def option(
     if isinstance(default, int | float | str) and default != "" and "default" not in text:
         text += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
     parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
+
+
+def number_in(text: str) -> float:
+    """The finite number that an argument says. ArgumentTypeError."""
+    with suppress(ValueError):
+        if isfinite(number := float(text)):
+            return number
+    raise argparse.ArgumentTypeError(f"expected a number, not {text!r}")
+
+
+def whole_number_in(text: str) -> int:
+    """The whole number that an argument says. ArgumentTypeError."""
+    with suppress(ValueError):
+        if abs(number := int(text)) < 1 << 63:
+            return number
+    raise argparse.ArgumentTypeError(f"expected a whole number, not {text!r}")
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:

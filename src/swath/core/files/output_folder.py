@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.place import is_within, own_folder, remove, remove_folder, within
 from swath.core.files.whole_file import PART, open_to_keep
 
@@ -82,7 +82,7 @@ def _locked(folder: Path) -> int:
         try:
             own_folder(folder)
         except OSError as error:
-            expected = f"expected a folder that can be made: {error.strerror}"
+            expected = f"expected a folder that can be made: {reason_of(error)}"
             raise InputError("--out", str(folder), expected) from None
         file = open_to_keep(path, os.O_RDWR)
         try:

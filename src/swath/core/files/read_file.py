@@ -8,7 +8,7 @@ import stat
 from io import BufferedReader
 from pathlib import Path
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 
 
 def open_to_read(path: Path, key: str, what: str, most: int | None = None) -> BufferedReader:
@@ -23,7 +23,7 @@ def open_to_read(path: Path, key: str, what: str, most: int | None = None) -> Bu
     except FileNotFoundError:
         raise InputError(key, place and str(path), f"expected {what}, there is no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = "a name without the character NUL" if isinstance(error, ValueError) else reason_of(error)
         raise InputError(key, None, f"expected {what}: {reason}", file=place) from error
     about, wrong = os.fstat(file.fileno()), ""
     if not stat.S_ISREG(about.st_mode):

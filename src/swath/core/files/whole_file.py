@@ -75,6 +75,8 @@ def new_file(path: Path) -> Iterator[BinaryIO]:
     Until then it is called `NAME.part`, which an error removes. Folders around it are made where they are
     missing. InputError as `place`.
     """
+    if not path.name:
+        raise InputError("file", str(path), "expected the name of a file")
     part = path.with_name(path.name + PART)
     with place(part, make=True) as (name, folder), ExitStack() as held:
         try:

@@ -17,7 +17,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.read_file import open_to_read
 from swath.core.registry import installed, installed_part
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
@@ -328,7 +328,9 @@ def _rows(lines: "_Lines", separator: str, path: Path) -> Iterator[tuple[int, li
                 expected = f"expected rows, here are {LONGEST_BLANK} characters without one"
                 raise InputError("log", None, expected, file=path, line=reader.line_num)
     except csv.Error as error:
-        raise InputError("log", None, f"expected CSV: {error}", file=path, line=reader.line_num) from error
+        raise InputError(
+            "log", None, f"expected CSV: {reason_of(error)}", file=path, line=reader.line_num
+        ) from error
 
 
 class _Lines:

@@ -10,7 +10,7 @@ from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from xml.parsers import expat
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.documents.packed import LARGEST_BYTES, is_archive, open_archive, readable
 
 DEEPEST = 32  # elements within each other; task data go to 8
@@ -136,7 +136,7 @@ def read_tree(data: bytes, kinds: Collection[str]) -> Tree:
     try:
         parser.Parse(data, True)
     except _BROKEN as error:
-        return Tree(top, others, f"byte {max(parser.CurrentByteIndex, 0)}: {error}")
+        return Tree(top, others, f"byte {max(parser.CurrentByteIndex, 0)}: {reason_of(error)}")
     return Tree(top, others)
 
 

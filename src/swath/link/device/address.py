@@ -75,8 +75,8 @@ def read_address(
         parts = urlsplit(text)
         port: Any = parts.port
         options = dict(parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query)))
-    except ValueError as error:
-        raise wrong(f"expected protocol://host:port ({error})") from None
+    except ValueError:
+        raise wrong("expected protocol://host:port") from None
     name, _, transport = parts.scheme.partition("+")
     if name not in protocols or "://" not in text:
         forms = ", ".join(f"{n}://" for n in protocols)

@@ -22,7 +22,7 @@ from xml.etree.ElementTree import Element
 from zipfile import ZipFile
 
 from swath.core.apart.call import apart
-from swath.core.errors import Extra, InputError
+from swath.core.errors import Extra, InputError, reason_of
 from swath.core.files.temporary import TemporaryFolder
 from swath.documents.packed import open_archive
 from swath.link.fmi.units import BASE, Unit, known_unit
@@ -58,7 +58,7 @@ def unpack_archive(file: Path, what: str) -> TemporaryFolder:
         if isinstance(error, InputError):
             raise ValueError(error.expected) from error
         if isinstance(error, BROKEN):
-            raise ValueError(reason(error)) from error
+            raise ValueError(reason_of(error)) from error
         raise
     return made
 

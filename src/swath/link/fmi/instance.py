@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
+from swath.core.errors import reason_of
 from swath.core.files.temporary import TemporaryFolder
 from swath.core.process.stopping import unstopped
 from swath.link.fmi.calls import FmuError, Group, Library, log_categories, make_groups
@@ -25,7 +26,7 @@ def unpack(file: Path) -> TemporaryFolder:
         made = unpack_archive(file, "fmu")
         (made.path / "resources").mkdir(exist_ok=True)
     except (OSError, ValueError) as error:
-        raise FmuError(f"{file.name} cannot be unpacked: {error}") from error
+        raise FmuError(f"{file.name} cannot be unpacked: {reason_of(error)}") from error
     return made
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.temporary import TemporaryFolder
-from swath.link.fmi.description import BROKEN, Description, read_fmu, reason, unpack_archive
+from swath.link.fmi.description import BROKEN, Description, read_fmu, unpack_archive
 from swath.link.fmi.units import BASE, Scale, Unit, parse_unit, scale
 
 _SSP = "{http://ssp-standard.org/SSP1/SystemStructure"
@@ -93,7 +93,9 @@ def read_system(file: Path) -> System:
         try:
             system.unpacked = unpack_archive(file, "ssp")
         except ValueError as error:
-            raise InputError("file", str(file), f"expected a System Structure Package: {error}") from error
+            raise InputError(
+                "file", str(file), f"expected a System Structure Package: {reason_of(error)}"
+            ) from error
         folder, name = system.unpacked.path, "SystemStructure.ssd"
     try:
         root = ElementTree.parse(folder / name).getroot()
@@ -104,7 +106,7 @@ def read_system(file: Path) -> System:
         reader.element("", top)
         reader.bindings("", top)
     except BROKEN as error:
-        text = f"expected a System Structure Description, it cannot be read: {reason(error)}"
+        text = f"expected a System Structure Description, it cannot be read: {reason_of(error)}"
         raise InputError("file", str(file), text) from error
     if not system.components:
         raise InputError("file", str(file), "expected components with FMUs")

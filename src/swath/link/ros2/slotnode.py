@@ -25,6 +25,7 @@ import numpy as np
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.errors import InputError, SwathError
 from swath.core.schedule import NS
+from swath.core.units import digits_in
 from swath.link.ros2.middleware import close_node, latched_qos, open_node, set_stamp, stamp_ns, type_of
 from swath.signals import Scan, Signal
 from swath.signals.flat import build, flat_fields, is_bulky, read
@@ -104,7 +105,7 @@ def sample_of(port: Port, t: int, numbers: Mapping[str, float]) -> Signal | None
     arrays: dict[str, dict[int, float]] = {}
     for name, value in own.items():
         first, _, index = name.rpartition(".")
-        if index.isdigit() and first in fields and fields[first].kind == "array":
+        if digits_in(index) >= 0 and first in fields and fields[first].kind == "array":
             arrays.setdefault(first, {})[int(index)] = value
         else:
             values[name] = value

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.apart.call import apart
-from swath.core.errors import Extra, InputError
+from swath.core.errors import Extra, InputError, reason_of
 from swath.core.files.read_file import check_readable
 from swath.field.maps.projection import transform
 from swath.rays.height_grid import NODE_CELLS, lattice_height
@@ -160,7 +160,7 @@ def _points_of_las(path: Path) -> tuple[F64, F64, NDArray[Any], str]:
                 xyz = np.stack([part.x, part.y, part.z], axis=1).astype(float)
                 parts.append((xyz, np.asarray(part.intensity, float), np.asarray(part.classification)))
     except (laspy.errors.LaspyException, ValueError, OSError, lazrs.LazrsError) as error:
-        expected = f"expected a readable LAS or LAZ file ({error})"
+        expected = f"expected a LAS or LAZ file: {reason_of(error)}"
         raise InputError("scans", path.name, expected, file=path) from error
     if not parts or not sum(len(p[0]) for p in parts):
         raise InputError("scans", path.name, "expected points, there are none", file=path)

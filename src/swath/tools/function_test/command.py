@@ -11,6 +11,7 @@ from typing import Any
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
 from swath.core.process.shell import command
+from swath.core.units import digits_in
 from swath.terminal.options import add_folder, add_sets, option
 from swath.terminal.tables import add_json
 from swath.tools.function_test import cheaper_command
@@ -192,7 +193,7 @@ def _work(args: argparse.Namespace) -> int:
     from swath.tools.function_test.session import check_version, open_session
 
     share, _, of = args.shard.partition("/")
-    if not (share.isdecimal() and of.isdecimal() and 1 <= int(share) <= int(of)):
+    if not 1 <= digits_in(share) <= digits_in(of):
         raise InputError("--shard", args.shard, "expected I/N with I from 1 to N")
     session = open_session(args.folder)
     check_version(args.folder, "folder")

@@ -9,7 +9,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any, TypeVar
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.output_folder import check_folder
 from swath.core.files.place import move, own_folder
 from swath.core.files.whole_file import copy_whole, write_whole
@@ -312,4 +312,4 @@ def open_session(folder: Path, *, same_code: bool = True) -> Session:
             data = {**data, "cases": str(beside.resolve())}
         return Session(folder, plan_of(data, same_code=same_code))
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(PLAN, None, f"expected a plan: {error}", file=file) from error
+        raise InputError(PLAN, None, f"expected a plan: {reason_of(error)}", file=file) from error

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.documents.text_file import text_lines
 from swath.signals import F64
 from swath.tools.lab.lab import Case
@@ -76,7 +76,7 @@ def _read_csv(path: Path) -> dict[str, NDArray[Any]]:
             for name in names:
                 found[name].append(_value(name, row[name], path, reader.line_num))
     except csv.Error as error:
-        raise InputError("--real", str(path), f"expected a readable table ({error})") from error
+        raise InputError("--real", str(path), f"expected a table: {reason_of(error)}") from error
     return {n: np.array(v, dtype=str if n == "sensor" else np.float64) for n, v in found.items()}
 
 
