@@ -83,8 +83,9 @@ class RimFit(KeepsState):
     def _size(self, peer: PeerState | None) -> Size | None:
         """Length, width and height of the rim [m]; None where nobody said so yet."""
         p = self._p
-        is_heard = peer is not None and peer.is_heard
-        told = (peer.box_length, peer.box_width, peer.rim_height) if is_heard else (nan,) * 3
+        told = (nan,) * 3
+        if peer is not None and peer.is_heard:
+            told = peer.box_length, peer.box_width, peer.rim_height
         own = p.length_m, p.width_m, p.rim_m
         size = [mine or (said if isfinite(said) else None) for mine, said in zip(own, told, strict=True)]
         return None if None in size else (size[0] or 0.0, size[1] or 0.0, size[2] or 0.0)

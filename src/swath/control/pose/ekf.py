@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import cos, exp, fsum, hypot, isfinite, sin, tan
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -104,7 +104,7 @@ class Params:
 
 def _complete(fix: Fix) -> Fix:
     """The fix with what the filter assumes where the receiver does not say how sure it is."""
-    told: dict[str, float] = {}
+    told: dict[str, Any] = {}
     if not isfinite(fix.horizontal_sd):
         told["horizontal_sd"] = UNREPORTED_SD[FIX_QUALITIES[fix.quality]]
     if not isfinite(fix.speed_sd):

@@ -22,7 +22,7 @@ from xml.etree.ElementTree import Element
 from zipfile import ZipFile
 
 from swath.core.apart.call import apart
-from swath.core.errors import Extra, InputError, reason_of
+from swath.core.errors import DAMAGED, Extra, InputError, reason_of
 from swath.core.files.temporary import TemporaryFolder
 from swath.documents.packed import open_archive
 from swath.link.fmi.units import BASE, Unit, known_unit
@@ -64,7 +64,9 @@ def unpack_archive(file: Path, what: str) -> TemporaryFolder:
 
 
 def reason(error: BaseException) -> str:
-    """The text of an error in one line; its kind, where it has none."""
+    """As `reason_of`, but what FMPy says of a description is kept, in one line."""
+    if (said := reason_of(error)) != DAMAGED:
+        return said
     text = " ".join(str(error).split()) or type(error).__name__
     return text if len(text) <= 200 else text[:197] + "..."
 
