@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from swath.tools.function_test.candidates import read_candidates
-from swath.tools.function_test.stored_line import Result
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import Session, begin, open_session
+from swath.tools.function_test.stored_line import Result
 
 FAULTS = Path(__file__).with_name("planted_faults.yaml")
 CASES = (

@@ -123,9 +123,9 @@ def places() -> frozenset[Place]:
     for file in sorted(ROOT.rglob("*.py")):
         name = file.relative_to(ROOT).as_posix()
         text = file.read_text(encoding="utf-8")
-        for function, call in _calls(ast.parse(text), "") if MAY_READ.search(text) else ():
-            last = getattr(call.func, "attr", getattr(call.func, "id", ""))
-            if MAY_READ.search(f"{last}(") and READS.fullmatch(ast.unparse(call.func)) and not _writes(call):
+        for function, each in _calls(ast.parse(text), "") if MAY_READ.search(text) else ():
+            last = getattr(each.func, "attr", getattr(each.func, "id", ""))
+            if MAY_READ.search(f"{last}(") and READS.fullmatch(ast.unparse(each.func)) and not _writes(each):
                 found.add((name, function))
     return frozenset(found)
 
