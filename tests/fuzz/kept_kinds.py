@@ -11,7 +11,7 @@ from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import MagicMock, patch
+from unittest.mock import patch
 
 from tests.fuzz.command_kinds import _run_folder, command
 from tests.fuzz.kind import Kind, written
@@ -257,14 +257,26 @@ def _read_fmu(folder: Path) -> Any:
     return read_fmu(folder / "model.fmu")
 
 
+class _Unheard:
+    """A publisher without ROS 2."""
+
+    count, replaced = 0, frozenset[str]()
+
+    def declare(self, *_about: Any) -> None:
+        """A topic."""
+
+    def __call__(self, *_message: Any) -> None:
+        self.count += 1
+
+
 def _sent(folder: Path) -> Any:
     """A recording as messages of ROS 2, with nobody there."""
     from swath.link.ros2 import player
 
-    names = ("open_node", "close_node", "Publisher", "Clock", "_wait")
     with ExitStack() as kept:
-        for name in names:
-            kept.enter_context(patch.object(player, name, MagicMock()))
+        for name in ("open_node", "close_node", "_wait"):
+            kept.enter_context(patch.object(player, name))
+        kept.enter_context(patch.object(player, "Publisher", lambda node, store: _Unheard()))
         kept.enter_context(patch.object(player, "Clock", lambda node: SimpleNamespace(due=1 << 62)))
         return player.play(next(folder.rglob("*.mcap")), wait_s=0.0)
 

@@ -3,6 +3,7 @@
 import gzip
 import io
 import json
+import re
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -280,6 +281,21 @@ def _bag(kind: str, name: str) -> Callable[[Path], Any]:
     return make
 
 
+def _packed_bag(folder: Path) -> None:
+    """A rosbag 2 whose database is packed whole."""
+    import zstandard
+
+    _bag("sqlite", "b")(folder)
+    (part,) = (folder / "b").glob("*.db3")
+    (folder / "b" / f"{part.name}.zstd").write_bytes(zstandard.compress(part.read_bytes()))
+    part.unlink()
+    about = folder / "b" / "metadata.yaml"
+    text = about.read_text().replace(part.name, f"{part.name}.zstd")
+    for key, value in (("compression_mode", "FILE"), ("compression_format", "zstd")):
+        text = re.sub(rf"""({key}["']?: ?)(''|"")""", rf'\1"{value}"', text)
+    about.write_text(text)
+
+
 def _height_map(name: str, table: str | None = None, **wanted: Any) -> Callable[[Path], Any]:
     def read(folder: Path) -> Any:
         from swath.tools.height_map.build import Settings, build_height_map, open_source
@@ -485,6 +501,7 @@ KINDS: dict[str, Kind] = {
     "scans-csv": Kind(_scan_tables, _height_map("s.csv", "poses.csv")),
     "bag-ros1": Kind(_bag("rosbag1", "b.bag"), _from_bag("b.bag", "/scan")),
     "bag-sqlite": Kind(_bag("sqlite", "b"), _from_bag("b", "/points")),
+    "bag-packed": Kind(_packed_bag, _from_bag("b", "/points")),
     "bag-mcap": Kind(_bag("mcap", "b"), _from_bag("b", "/scan")),
     "run-folder": Kind(_run, _read_run),
     "spread-table": Kind(_spread_table, _read_spread_table),

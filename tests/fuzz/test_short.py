@@ -10,7 +10,7 @@ pytest.importorskip("trimesh")
 SLOW = {
     "log-import", "height-grid", "scans-npz", "geotiff", "bag-ros1", "bag-mcap", "run-folder", "cloud-las",
     "cloud-laz", "tuning", "test-search", "test-results", "test-estimate", "test-campaign", "saves",
-    "run-again", "run-log", "run-shown", "pictures", "exported", "mf4-played",
+    "run-again", "run-log", "run-shown", "pictures", "exported", "mf4-played", "bag-packed",
 }  # fmt: skip
 LINES = ("import-dem", "import-zip", "import-task", "sheets", "fmu", "words", "jobs", "compare")
 QUICK = [
