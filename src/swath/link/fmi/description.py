@@ -58,7 +58,7 @@ def unpack_archive(file: Path, what: str) -> TemporaryFolder:
         if isinstance(error, InputError):
             raise ValueError(error.expected) from error
         if isinstance(error, BROKEN):
-            raise ValueError(reason_of(error)) from error
+            raise ValueError(reason(error)) from error
         raise
     return made
 
