@@ -1,5 +1,6 @@
 """Numbers of data sheets with declared limits, at both ends, in a run of a moment."""
 
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -42,8 +43,8 @@ class Number(NamedTuple):
         """A scenario whose sheet, in the folder, has it. SwathError where that cannot be."""
         sheet = read_sheet(self.kind, self.name).changed({self.key: self.value})
         text = dump(sheet.document.data)
-        if isinstance(read_sheet(self.kind, self.name).value(self.key), int):
-            text = text.replace(f" {float(self.value)}", f" {self.value:.0f}")
+        if isinstance(read_sheet(self.kind, self.name).value(self.key), int) and self.value % 1.0 == 0.0:
+            text = re.sub(rf" {re.escape(str(self.value))}(?=[,\s}}])", f" {self.value:.0f}", text)
         (folder / "own.yaml").write_text(text, encoding="utf-8")
         if self.kind == "crops":
             made = placed(("field", "stand"), "", {"level": "uniform", "crop": "own.yaml"})

@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port, State
-from swath.core.errors import Extra
+from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose, rotation_of
 from swath.core.portable import product
 from swath.core.random import Stream
@@ -85,7 +85,12 @@ class Multibody(KeepsState):
         self._radius = wheels[0].rolling_radius
         self._thrust, self._brake = (0.5 * f * d.front.radius for f in (masses.thrust, masses.brake))
         text = mjcf(machine, header=params.header, suspension=params.suspension)
-        self.model = mujoco.MjModel.from_xml_string(text)
+        try:
+            self.model = mujoco.MjModel.from_xml_string(text)
+        except ValueError as error:  # what MuJoCo takes for no body; it ends with `Element name 'x', ...`
+            part = str(error).partition("Element name '")[2].partition("'")[0].replace("_", " ")
+            expected = f"expected masses and sizes that make a body of each part, also of {part}"
+            raise InputError("machine", machine.name, expected) from error
         self.data, self._spare = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._find()
 
