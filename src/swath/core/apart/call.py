@@ -10,7 +10,7 @@ are; one that ends the process, or lasts too long, is an InputError of the file.
 
 A process reads what lies in one folder and stays for further files there. It has no rights but to read them
 (`confine.py`), memory and processor time by the size of the file: SWATH_READ_MEMORY_GB (1.25) and 8 bytes for
-each byte, SWATH_READ_S (30) and 1 s for each MiB until the next answer.
+each byte, SWATH_READ_S (20) and 1 s for each MiB until the next answer.
 """
 
 import functools
@@ -106,7 +106,7 @@ class _Place:
 
     def __init__(self, key: str, what: str, path: Path, size: int, classes: Classes) -> None:
         self.key, self.what, self.path, self.classes = key, what, path, classes
-        self.seconds = float(os.environ.get(SECONDS) or 30.0) + size / BYTES_PER_S
+        self.seconds = float(os.environ.get(SECONDS) or 20.0) + size / BYTES_PER_S
 
     def error(self, reason: str) -> InputError:
         """The error of a file that ended its reader."""
@@ -312,15 +312,12 @@ def _process_for(path: Path, size: int, libraries: Sequence[str]) -> _Process:
 
 
 def _size(path: Path) -> int:
-    """Bytes of a file, or of the files of a folder."""
+    """Bytes of a file, or of the files of a folder, that are on the disk."""
     try:
-        return (
-            sum(p.stat().st_size for p in path.iterdir() if p.is_file())
-            if path.is_dir()
-            else path.stat().st_size
-        )
+        about = [p.stat() for p in (path.iterdir() if path.is_dir() else [path]) if p.is_file()]
     except OSError:
         return 0
+    return sum(min(each.st_size, 512 * getattr(each, "st_blocks", each.st_size)) for each in about)
 
 
 def close_all() -> None:

@@ -82,11 +82,13 @@ def types_of_idl(text: str) -> dict[str, Any]:
     """
     from rosbags.typesys import get_types_from_idl
 
-    bare, depth = _ASIDE.sub("", text), 0
-    for character in bare:
-        depth += (character == "(") - (character == ")")
-        if depth > 1:
-            raise ValueError("brackets within brackets")
+    bare = _ASIDE.sub("", text)
+    for opened, closed, most in ("()1", "<>4"):
+        depth = 0
+        for character in bare:
+            depth += (character == opened) - (character == closed)
+            if depth > int(most):
+                raise ValueError("brackets within brackets")
     if "<<" in bare:
         raise ValueError("an expression, a number was expected")
     return _named_soundly(get_types_from_idl(text))
