@@ -24,6 +24,7 @@ SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no 
 LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA = 100.0  # m2: less is no field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
+MOST_CORNERS = 50_000  # of a polygon: one at 10 Hz around 100 ha has 20,000
 MOST_SHAPES, MOST_PAIRS = 20_000, 100_000  # polygons of a file, and pairs of them that overlap
 USUAL_PAIRS, BLOCK = 8, 64  # boxes of sides that meet that of one in an honest ring; looked up at once
 MOST_CROSSINGS = 1000  # of the sides of a polygon with each other
@@ -98,6 +99,9 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
             raise InputError("boundary", None, "expected a polygon", file=path)
         if len(shapes) > MOST_SHAPES:
             raise InputError("boundary", len(shapes), f"expected at most {MOST_SHAPES} polygons", file=path)
+        corners = max(int(_shapely().get_num_coordinates(s.polygon)) for s in shapes)
+        if corners > MOST_CORNERS:  # what looks for crossings takes time by their square
+            raise InputError("boundary", corners, f"expected at most {MOST_CORNERS} corners", file=path)
         moved, epsg, crossings = _moved(shapes, known_crs(crs or "EPSG:4326"), epsg, path)
         return _arranged(moved, epsg, [*notes, *crossings], path)
 

@@ -49,7 +49,7 @@ EVERY_S = 5.0
 SHORTEST_S = 0.1
 MOST = 32  # saves; beyond, older ones thin out
 LEVEL = 1  # of zlib
-LARGEST_BYTES = 1 << 30  # of a save, unpacked
+LARGEST_BYTES = 1 << 29  # of a save, unpacked
 PAGED = ("codes", "straw")  # lists of a field's state, per page
 
 

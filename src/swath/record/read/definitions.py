@@ -83,11 +83,11 @@ def types_of_idl(text: str) -> dict[str, Any]:
     from rosbags.typesys import get_types_from_idl
 
     bare = _ASIDE.sub("", text)
-    for opened, closed, most in ("()1", "<>4"):
+    for opened, closed, most in (("(", ")", 1), ("<", ">", 4)):
         depth = 0
         for character in bare:
             depth += (character == opened) - (character == closed)
-            if depth > int(most):
+            if depth > most:
                 raise ValueError("brackets within brackets")
     if "<<" in bare:
         raise ValueError("an expression, a number was expected")
