@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.apart.call import apart
-from swath.core.errors import Extra, InputError, SwathError
+from swath.core.errors import Extra, InputError, SwathError, reason_of
 from swath.core.files.read_file import open_to_read
 from swath.core.units import UNITS, Unit
 from swath.documents.formula import computed
@@ -263,7 +263,9 @@ class Bus:
         try:
             database = cantools.database.load_string(_with_short_signals(text), "dbc")
         except (cantools.Error, ValueError) as error:
-            raise InputError("database", file.name, f"expected a DBC file: {error}", file=file) from error
+            raise InputError(
+                "database", file.name, f"expected a DBC file: {reason_of(error)}", file=file
+            ) from error
         self.notes[f"frames decoded by {file.name}"] = 1
         self._messages: dict[tuple[int, bool], _Message | None] = {}
         self.units: dict[str, str] = {}
@@ -362,7 +364,9 @@ def _whole(path: Path, kind: str) -> Iterator[None]:
     except (SwathError, MemoryError):
         raise
     except Exception as error:  # what a broken file raises depends on where it is broken
-        raise InputError("log", path.name, f"expected a whole {kind} file: {error}", file=path) from error
+        raise InputError(
+            "log", path.name, f"expected a whole {kind} file: {reason_of(error)}", file=path
+        ) from error
 
 
 def _packed(held: Mapping[str, list[tuple[int, float]]]) -> Iterator[Block]:

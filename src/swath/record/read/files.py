@@ -9,7 +9,7 @@ from pathlib import Path, PurePath
 from typing import Any, Protocol
 
 from swath.core.apart.call import apart
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.read_file import open_to_read
 from swath.core.files.temporary import TemporaryFolder
 from swath.core.files.whole_file import new_file, write_whole
@@ -115,7 +115,9 @@ class BagLog:
                 self._begin = int(reader.start_time) if reader.message_count else 0
                 self._end = int(reader.end_time) - 1 if reader.message_count else 0
         except Exception as error:  # sqlite, yaml, struct: each container breaks in its own way
-            expected = f"expected a readable rosbag ({error}); a broken one needs a new index first"
+            expected = (
+                f"expected a readable rosbag ({reason_of(error)}); a broken one needs a new index first"
+            )
             raise InputError("recording", path.name, expected, file=path) from error
 
     def forget_notes(self) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, reason_of
 from swath.core.files.read_file import open_to_read
 from swath.core.schedule import NS
 from swath.record.read.mcap_log import Cut, McapLog, unpacked
@@ -76,7 +76,7 @@ def open_rosbag1(path: Path) -> Rosbag1:
     except InputError:
         reason = f"it is not {Rosbag1.kind}"
     except Exception as error:  # broken headers fail in many ways
-        reason = f"{error}"[:120]
+        reason = reason_of(error)
     expected = f"expected a readable rosbag ({reason}); a broken one needs a new index first"
     raise InputError("recording", path.name, expected, file=path)
 
