@@ -13,6 +13,7 @@ import importlib
 import json
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -61,7 +62,7 @@ FOLDERS = {  # how a folder is made, and what reads it or goes on with it
     "estimate": ("test estimate case.yaml --budget 20 --workers 1 --out D",
                  ("test estimate case.yaml --budget 20 --workers 1 --out D", "test report D")),
     "field": (f"field import {LOG} --out D",
-              ("field show D", "field agopengps D --out A", f"field import {LOG} --out D")),
+              ("field show D", "field agopengps D --out A", f"field import {LOG} --replace --out D")),
     "fleet": ("fleet run small-field --out D", ("fleet run small-field --out D",)),
     "run": ("run drive.yaml --set run.record=exact --set run.distance_m=1 --save-every-s 0.1 --out D",
             ("report D", "view D", "branch D --at 0.2 --out A", "rerun D --out A", "diff D D",
@@ -94,27 +95,28 @@ class Folders:
         (folder / "case.yaml").write_text(CASE)
 
     def edited(self, name: str, number: int) -> tuple[Path, str, str]:
-        """A place with an edited copy, the command line that is to go there, and what was edited."""
+        """A place with an edited copy, the command line that is to go there, and what was edited.
+
+        number: < 0 for a copy as it is
+        """
         whole = self.folder / name
         if not whole.exists():
-            code, said, *_ = command(self.folder, _line(FOLDERS[name][0], name))
+            code, said, *_ = command(self.folder, self._line(FOLDERS[name][0], name))
             assert code in (0, 1, 3, 4), said
         rng = random.Random(f"{name} {number}")
         place = self.folder / "edited"
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir()
-        for file in ("drive.yaml", "case.yaml"):
-            shutil.copy(self.folder / file, place)
         shutil.copytree(whole, place / name)
         lines = FOLDERS[name][1]
-        return place, _line(lines[number % len(lines)], name), edit(place / name, rng)
+        line = self._line(lines[number % len(lines)], name)
+        return place, line, edit(place / name, rng) if number >= 0 else "no edit"
 
-
-def _line(line: str, name: str) -> str:
-    """A command line for a folder."""
-    return " ".join(
-        name + word[1:] if word[:1] == "D" and word[1:2] in ("", "/") else word for word in line.split()
-    )
+    def _line(self, line: str, name: str) -> str:
+        """A command line for a folder, in any place: its case and scenario lie where they lay."""
+        known = {file: str(self.folder / file) for file in ("case.yaml", "drive.yaml")}
+        words = (re.sub(r"^D(?=$|[/:])", name, known.get(word, word)) for word in line.split())
+        return " ".join(words)
 
 
 def edit(folder: Path, rng: random.Random) -> str:
@@ -209,8 +211,6 @@ def _value(file: Path, rng: random.Random) -> None:
 
 def _text(file: Path, rng: random.Random) -> None:
     """A number that is none in the place of one."""
-    import re
-
     text = file.read_text()
     found = list(re.finditer(r"(?<=: )-?[0-9.e+-]+", text))
     if found:
@@ -306,6 +306,10 @@ def run() -> int:
         folders = Folders(Path(made).resolve())
         for name in args.only.split(","):
             counts, most = Counter[str](), [0.0, 0.0]
+            for number in range(-len(FOLDERS[name][1]), 0):
+                place, line, _ = folders.edited(name, number)
+                ended = command(place, line)
+                assert verdict(*ended) == "taken", (line, ended)
             for number in numbers:
                 place, line, what = folders.edited(name, number)
                 code, said, cpu_s, mb = command(place, line)

@@ -300,7 +300,8 @@ def test_runs_that_are_not_judged_leave_no_number_where_they_weigh(case_file, tm
             return result
         (entry,) = result["expect"]
         told = {"verdict": UNJUDGED, "reason": "not judged: lidar beyond", "expect": [
-            {**entry, "rests_outside": ["combine.lidar"]}]}  # fmt: skip
+            {**entry, "rests_outside": ["combine.lidar"]}],
+            "credibility": {"combine.lidar": {"level": "empirical", "quantities": []}}}  # fmt: skip
         return {**result, **told}
 
     runs(Formula(verdict=outside))
