@@ -95,15 +95,15 @@ class _Line:
     shadow: dict[str, _Shadow] = field(default_factory=dict)
     integrity: _Integrity | None = None
     steering: _Steering | None = None
-    met: dict[str, list[Scalar | None]] | None = None
+    met: dict[str, list[float | None]] | None = None
     cpu_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not all(self.credibility.keys() >= set(entry.rests_outside) for entry in self.expect):
             raise ValueError("expected what it rests on")
         met = self.met or {}
-        ways = [met.get(name, []) for name in ("t_s", "distance_m")]
-        if len({*map(len, met.values())}) > 1 or any(isinstance(v, str | None) for way in ways for v in way):
+        t, distance = met.get("t_s", []), met.get("distance_m", [])
+        if None in (*t, *distance) or any(len(column) != len(t) for column in (distance, *met.values())):
             raise ValueError("expected columns of one length over time and way")
 
 

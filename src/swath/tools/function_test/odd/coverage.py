@@ -87,7 +87,7 @@ def driven_of(odd: Odd, result: Result) -> Driven:
     metres = np.diff(distance, append=distance[-1] + EVERY_M) if count else np.zeros(0)
     seconds = np.diff(t, append=2.0 * t[-1] - t[-2] if count > 1 else t) if count else np.zeros(0)
     main = [_longest(axis, place, metres, point) for axis, place in zip(odd.axes, places, strict=True)]
-    watched = [met.get(name, []) for name in odd.watched.values()] if count else []
+    watched = [met.get(name, [None] * count) for name in odd.watched.values()] if count else []
     outside = _outside(odd, [*columns, *watched], t, distance, metres)
     return Driven(result, steps, metres, seconds, np.array(main, dtype=np.int64), outside)
 
