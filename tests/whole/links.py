@@ -55,7 +55,7 @@ WRITES = {
     "test report": "test report {tests}",
     "test again": "test again {tests} {id}",
     "test work": "test work {tests} --shard 1/1",
-    "rerun": "rerun {run} --out {new}",
+    "rerun": "rerun {run} --replace --out {new}",
     "part": "part process --input {run} --out {new}",
     "run-log": "run-log {run} --out {new}/log.asc",
     "yield-log": "yield-log {run} --out {new}/log.csv --interval-s 0.1",
@@ -78,7 +78,6 @@ LONG = {  # take longer: all places by command alone
     "--out {new}",
     "compare scans": "compare scans {long} {long} --out {new}",
     "compare log": "compare log lexion-700 {engine} --out {new}",
-    "calibrate engine": "calibrate engine lexion-700 {engine} --resamples 20 --out {new}/engine.yaml",
     "calibrate lidar": "calibrate lidar --quick --narrow --lines 2 --sub-rays 1 --out {new}/table.npz",
     "reda": "reda --crop-height-m 0.6 --stems-per-m2 300 --weather clear --sensor lidar --repeats 1 "
     "--workers 1 --out {new}",
@@ -86,7 +85,10 @@ LONG = {  # take longer: all places by command alone
 READS = ("report", "view", "branch", "diff", "rerun", "run-log", "yield-log", "osi", "height-map build",
          "test report", "test again", "test work")  # fmt: skip
 OURS = ("report.html", "replay.html", "diff.html", "results.parquet", "junit.xml")  # that they make anew
-SAYS = ("scenario.yaml", "summary.json", "plan.json", "runs.parquet", "tune.json")  # whose folder it is
+SAYS = {  # whose folder it is
+    "scenario.yaml", "summary.json", "plan.json", "runs.parquet", "tune.json", "search.json", "estimate.json",
+    "plan-field.json", "dataset.json", "field.yaml",
+}  # fmt: skip
 KINDS = ("symbolic", "dangling", "folder", "hard")
 CODES = (0, 1, 2, 3, 4)
 
@@ -247,8 +249,8 @@ def all_of(written: Written) -> tuple[int, int]:
     codes = []
     for kind in KINDS:
         codes.append(written.attempt(written.in_all_files(kind)))
-        if codes[-1] == 2:  # it did not come to the others
-            codes += [written.attempt({file: kind}) for file in written.files]
+        alone = written.files if codes[-1] == 2 else written.says  # it did not come to the others
+        codes += [written.attempt({file: kind}) for file in alone]
         if kind != "hard":
             codes += [written.attempt({folder: kind}) for folder in written.folders]
     return len(codes), codes.count(2)

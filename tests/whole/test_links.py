@@ -19,8 +19,10 @@ from swath.core.files.whole_file import (
 )
 from tests.whole.links import LONG, WRITES, Inputs, Place, Written, quietly
 
-# Starts commands of the lists, each with a folder of its own in --out.
-OTHERS = {"paper"}
+OTHERS = {
+    "paper",  # starts commands of the lists, each with a folder of its own in --out
+    "calibrate engine",  # one file, as `schema`, of a log that is long
+}
 NOTHING = {
     "scenarios", "docs", "levels", "metrics", "sheets", "field show", "fleet list", "test list",
     "test compare", "test levels", "odd check", "fmu show", "fmu check", "ros2 play", "can box", "can listen",
