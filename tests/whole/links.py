@@ -37,7 +37,7 @@ seeds: 1
 expect:
   distance_m: {min: 0.1}
 """
-CAMERA = "combine.camera={level: rays, reach_m: 14, mount: {at: axle, x_m: 2, z_m: 3, pitch_deg: 20}}"
+CAMERA = "combine.camera={{level: rays, reach_m: 14, mount: {{at: axle, x_m: 2, z_m: 3, pitch_deg: 20}}}}"
 # Of every command that writes: its line with {new}, where it writes, and {run}, {tests}, {field}: finished
 # folders to read.
 WRITES = {
