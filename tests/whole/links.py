@@ -49,11 +49,9 @@ WRITES = {
     "new": "new scenario {new}/my.yaml",
     "field import": f"field import {LOG} --replace --out {{new}}/field",
     "field agopengps": "field agopengps {field} --out {new}/field",
-    "field export": "field export {s} --to sdf --out {new}/world",
     "height-map build": "height-map build {run} --out {new}/map.npz",
     "test run": "test run {case} --workers 1 --out {new}",
     "test report": "test report {tests}",
-    "test again": "test again {tests} {id}",
     "test work": "test work {tests} --shard 1/1",
     "rerun": "rerun {run} --replace --out {new}",
     "part": "part process --input {run} --out {new}",
@@ -65,6 +63,8 @@ WRITES = {
     "schema": "schema --out {new}/schema.json",
 }
 LONG = {  # take longer: all places by command alone
+    "test again": "test again {tests} {id}",
+    "field export": "field export {s} --to sdf --out {new}/world",
     "scan": "scan {s} --out {new}",
     "fleet run": "fleet run small-field --out {new}",
     "dataset": f"dataset straight --set '{CAMERA}' --count 2 --width-px 64 --height-px 48 --workers 1 "
