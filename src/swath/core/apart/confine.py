@@ -25,7 +25,7 @@ TCP, SCOPES = 0b11, 0b11  # from versions 4 and 6 on: bind and connect; abstract
 NO_NEW_PRIVS, SECCOMP, FILTER, TSYNC = 38, {0xC000003E: 317, 0xC00000B7: 277}, 1, 1
 ARCH = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}  # linux/audit.h
 X32 = 0x40000000
-WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_TMPFILE", 0) & ~os.O_DIRECTORY
+WRITING = 0o1 | 0o2 | 0o100 | 0o1000 | 0o20000000  # write, both, create, cut off, without a name (fcntl.h)
 THREAD = 0x00010000  # CLONE_THREAD
 # Numbers of calls on x86-64 and Arm64; None where a processor has none.
 REFUSED = {

@@ -15,7 +15,9 @@ from pathlib import Path
 
 from swath.core.errors import InputError
 
-HAS_DESCRIPTORS = {os.open, os.mkdir, os.rename, os.rmdir, os.stat, os.unlink} <= os.supports_dir_fd
+HAS_DESCRIPTORS = hasattr(os, "O_NOFOLLOW") and (
+    {os.open, os.mkdir, os.rename, os.rmdir, os.stat, os.unlink} <= os.supports_dir_fd
+)
 FOLDER = getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_PATH", os.O_RDONLY)
 _roots: list[Path] = []  # the user's own, of all threads
 
