@@ -296,7 +296,7 @@ def test_what_does_not_fit_is_refused_and_nothing_written(world, form, out, more
     [
         (["--place", "1;2"], "--place = 1;2: expected two numbers X,Y in metres"),
         (["--ground-m", "2"], "--ground-m = 2.0: expected 5 to 1000"),
-        (["--plants-m", "nan"], "--plants-m = nan: expected 0 to 100"),
+        (["--plants-m", "nan"], "argument --plants-m: expected a number, not 'nan'"),
     ],
 )
 def test_a_wrong_number_on_the_command_line_is_named(words, said, tmp_path, capsys):
