@@ -51,13 +51,13 @@ def _bag(path: Path, mb: float) -> Path:
     from swath.core.frames import Pose
     from swath.record.mcap_file import McapFile
 
+    rng = np.random.default_rng(5)
     file = McapFile(path)
     make = file.make
     for k in range(max(4, int(mb * 1e6 / 7600.0))):
         t, pose = k * 40_000_000, Pose.identity()
         scan = make("sensor_msgs/msg/LaserScan", header=make.header(t, "laser"), angle_increment=0.004,
-                    ranges=np.linspace(1, 30, 760, dtype=np.float32),
-                    intensities=np.linspace(1, 30, 760, dtype=np.float32))  # fmt: skip
+                    ranges=rng.random(760, np.float32), intensities=rng.random(760, np.float32))  # fmt: skip
         file.write("/scan", t, scan)
         for half in (0, 20_000_000):
             made = make.odometry(make.header(t + half, "odom"), "base", pose, make.twist(1.0))

@@ -20,6 +20,7 @@ from swath.core.packed_state import dtype_of
 
 HEAD = struct.Struct("<QI")  # bytes of the JSON, number of buffers
 KIND = "!"
+SMALL = 1 << 14  # bytes of an array that is copied from its block
 NAME = re.compile(r"\w{1,255}", re.ASCII)
 Classes = Mapping[str, type]
 
@@ -64,8 +65,12 @@ class Plain:
     def _said(self, value: Any) -> Any:
         """What stands for a value that JSON has no word for. TypeError for one that cannot be said."""
         if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-            described = np.lib.format.dtype_to_descr(value.dtype)
-            return {KIND: "array", "of": described, "in": self._kept(value.tobytes()), "shape": value.shape}
+            return {
+                KIND: "array",
+                "of": _described(value.dtype),
+                "in": self._kept(value.tobytes()),
+                "shape": value.shape,
+            }
         if isinstance(value, np.ndarray | np.generic):
             return value.tolist()
         if isinstance(value, bytes | bytearray | memoryview):
@@ -94,20 +99,26 @@ def read_plain(read: Callable[[int], bytearray], classes: Classes, most: int) ->
     if length + sum(sizes) > most:
         raise ValueError("an answer that is too long")
     text = read(length)
-    buffers = [read(size) for size in sizes]
+    whole, at, buffers = memoryview(read(sum(sizes))), 0, list[Any]()
+    for size in sizes:  # small ones do not keep the whole block
+        part = whole[at : at + size]
+        buffers.append(bytearray(part) if size < SMALL else part)
+        at += size
     return json.loads(
         text, object_hook=lambda found: _made(found, buffers, classes) if KIND in found else found
     )
 
 
-def _made(found: dict[str, Any], buffers: list[bytearray], classes: Classes) -> Any:
+def _made(found: dict[str, Any], buffers: list[Any], classes: Classes) -> Any:
     kind, _, name = str(found.pop(KIND)).partition(" ")
     if kind == "message":
         made = object.__new__(_message_class(name))
         made.__dict__ = found
         return made
     if kind == "array":
-        return np.frombuffer(buffers[found["in"]], dtype_of(found["of"])).reshape(found["shape"])
+        of = found["of"]
+        dtype = _named_dtype(of) if isinstance(of, str) else dtype_of(of)
+        return np.frombuffer(buffers[found["in"]], dtype).reshape(found["shape"])
     if kind == "bytes":
         return bytes(buffers[found["in"]])
     if kind == "path":
@@ -116,6 +127,10 @@ def _made(found: dict[str, Any], buffers: list[bytearray], classes: Classes) -> 
         hints = _hints(classes[name])
         return classes[name](**{key: _typed(hints[key], value) for key, value in found.items()})
     raise ValueError(f"unknown kind {kind} {name}")
+
+
+_described = lru_cache(maxsize=64)(np.lib.format.dtype_to_descr)
+_named_dtype = lru_cache(maxsize=64)(dtype_of)
 
 
 @lru_cache(maxsize=1024)
