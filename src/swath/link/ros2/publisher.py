@@ -68,7 +68,8 @@ class Publisher:
         if topic == CLOCK:
             return None
         if has_type(msgtype):
-            wanted = [name for name in vars(message) if not name.startswith("_")]
+            # of ROS 2, where constants alone are in capitals; rosbags keeps them beside the fields
+            wanted = [name for name in vars(message) if not (name.startswith("_") or name.isupper())]
             if list(type_of(msgtype).get_fields_and_field_types()) != wanted:
                 self._leave_out(topic, f"the installed {msgtype} has other fields")
                 return None
