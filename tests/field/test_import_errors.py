@@ -2,11 +2,11 @@
 
 import gzip
 import io
+import os
 import random
 import shutil
 import zipfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -118,17 +118,17 @@ def test_an_old_field_folder_survives_a_failed_import(tmp_path, small, monkeypat
 
 
 def test_a_kill_while_files_take_their_places_leaves_no_half_field(tmp_path, small, monkeypatch):
-    out, killed, place = tmp_path / "f", tmp_path / "killed", Path.replace
+    out, killed, place = tmp_path / "f", tmp_path / "killed", os.replace
     import_log(small / "log.csv", out, columns=small / "map.yaml", progress=False)
     (out / "letter.txt").write_text("dear")
     field = folder.read(out)
     turned, moments = replace(field, row_azimuth=1.0), []
 
-    def seen(path, target):  # what a kill would leave here
+    def seen(*names, **folders):  # what a kill would leave here
         moments.append(shutil.copytree(out, killed / str(len(moments))))
-        return place(path, target)
+        return place(*names, **folders)
 
-    monkeypatch.setattr(Path, "replace", seen)
+    monkeypatch.setattr(os, "replace", seen)
     folder.write(turned)
     monkeypatch.undo()
     assert len(moments) > len(folder.FILES)
