@@ -89,7 +89,9 @@ def _landlock(library: ctypes.CDLL, readable: list[str], machine: str) -> bool:
     version = library.syscall(CREATE_RULESET, None, ctypes.c_size_t(0), ctypes.c_uint32(1))
     if version < 1:
         return False
-    rights = sum(right for since, right in RIGHTS.items() if since <= version)
+    rights = 0
+    for since, right in RIGHTS.items():
+        rights |= right if since <= version else 0
     words = [rights, *([TCP] if version >= 4 else []), *([SCOPES] if version >= 6 else [])]
     attributes = struct.pack(f"<{len(words)}Q", *words)
     ruleset = library.syscall(

@@ -121,7 +121,7 @@ def _limit(seconds: float) -> None:
     with suppress(ImportError, AttributeError, ValueError, OSError):
         import resource
 
-        used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+        used = time.process_time()
         hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
         resource.setrlimit(resource.RLIMIT_CPU, (int(used + seconds) + 1, hard))
 
