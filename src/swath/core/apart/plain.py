@@ -42,7 +42,7 @@ class Message:
 
 
 class Plain:
-    """Makes JSON and buffers of values, and writes them. classes: of records that may be among them."""
+    """Makes JSON and buffers of values, and writes them."""
 
     def __init__(self) -> None:
         self.buffers: list[bytes] = []

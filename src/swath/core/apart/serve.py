@@ -20,7 +20,7 @@ from swath.core.apart.plain import Plain
 from swath.core.errors import InputError, MissingExtra, SwathError
 
 FIRST, MOST, MOST_GROUP = 4, 4096, 64  # items of the first block, of any, and that are made JSON together
-BLOCK_BYTES, BLOCK_S = 1 << 20, 0.2  # after which a block goes out
+BLOCK_BYTES = 1 << 20  # after which a block goes out; no clock: notes are told by the block
 
 
 class Server:
@@ -30,11 +30,12 @@ class Server:
         self._objects: dict[int, Any] = {}
         self._streams: dict[int, tuple[Iterator[Any], Any, int, int]] = {}
         self._last = 0
+        self._seconds = 0.0
 
     def answer(self, request: tuple[Any, ...], plain: Plain) -> str:
         """The answer to a request, as JSON."""
-        cwd, dropped, seconds, verb, *what = request
-        _limit(seconds)
+        cwd, dropped, self._seconds, verb, *what = request
+        _limit(self._seconds)
         for kind, number in dropped:
             (self._objects if kind == "object" else self._streams).pop(number, None)
         try:
@@ -71,8 +72,9 @@ class Server:
     def _next(self, number: int, plain: Plain) -> str:
         stream, of, most, group = self._streams[number]
         texts: list[str] = []
-        error, is_whole, begin, count, size = "", False, time.process_time(), 0, 0
-        while not is_whole and count < most and size < BLOCK_BYTES and time.process_time() - begin < BLOCK_S:
+        error, is_whole, count, size = "", False, 0, 0
+        while not is_whole and count < most and size < BLOCK_BYTES:
+            _limit(self._seconds)  # every item is progress
             items: list[Any] = []
             try:
                 items.extend(islice(stream, min(group, most - count)))
@@ -117,7 +119,7 @@ def _told(error: Exception) -> dict[str, Any]:
 
 
 def _limit(seconds: float) -> None:
-    """As much processor time until the next answer, of which the system sees to it."""
+    """So much processor time from here on, which the system sees to."""
     with suppress(ImportError, AttributeError, ValueError, OSError):
         import resource
 
