@@ -1,10 +1,13 @@
 """Plants against the crop's facts: organ sizes, silhouettes, masses."""
 
+import re
+
 import numpy as np
 import pytest
 
 from swath.core.errors import InputError
 from swath.core.units import DEG
+from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.field.crop_sheet import load_crop
 from swath.field.memory_layout import Organ, Shape
 from swath.field.plants import Drawing, make_plants
@@ -105,3 +108,17 @@ def test_a_missing_key_and_an_unknown_crop(tmp_path):
         load_crop(str(path))
     with pytest.raises(InputError, match="did you mean 'wheat'"):
         load_crop("weat")
+
+
+@pytest.mark.parametrize("crop", sheet_names("crops"))
+def test_sizes_that_vary_by_half_stay_sizes(tmp_path, crop):
+    text = find_sheet("crops", crop).read_text(encoding="utf-8")
+    varied, count = re.subn(r"(?<=_cv_percent: {value: )[\d.]+", "50", text)
+    (tmp_path / "own.yaml").write_text(varied, encoding="utf-8")
+    plants = make_plants(load_crop(str(tmp_path / "own.yaml")), COUNT, np.random.default_rng(1))
+    least = [plants.height.min(), plants.radius[plants.shape != Shape.RIBBON].min(initial=1.0)]
+    assert count
+    assert min(least) > 0.0
+    assert np.isfinite(plants.a).all()
+    assert plants.grain_kg.min() >= 0.0
+    assert plants.straw_kg.min() >= 0.0

@@ -22,6 +22,7 @@ from swath.field.plants.parts import (
     pointing,
     rods,
     shared,
+    sizes,
     stalk_capsules,
     stalks_of,
 )
@@ -138,9 +139,7 @@ def _pods(
     bearing = np.concatenate([facts.main * stalks.length, facts.along * lengths])
     of = np.concatenate([np.arange(stems), owner])
     total = np.bincount(of, bearing, stems)
-    per_plant = np.maximum(
-        normal(rng, facts.per_plant, facts.per_plant * facts.per_plant_cv, stems), 0.1 * facts.per_plant
-    )
+    per_plant = sizes(rng, facts.per_plant, facts.per_plant_cv, stems)
     count_of = np.floor(per_plant[of] * bearing / total[of] + rng.random(len(of))).astype(np.int64)
     count_of[:stems] = np.maximum(count_of[:stems], 1)
     line, rank = ranked(count_of)
@@ -149,7 +148,7 @@ def _pods(
     is_main = line < stems
     foot[is_main] = stalks.point(1.0 - facts.main * (1.0 - place[is_main]), line[is_main])
     foot[~is_main] = _along(lines, line[~is_main] - stems, 1.0 - facts.along * (1.0 - place[~is_main]))
-    length = normal(rng, facts.length, facts.length * facts.length_cv, len(line))
+    length = sizes(rng, facts.length, facts.length_cv, len(line))
     tilt = np.maximum(normal(rng, facts.inclination_mean, facts.inclination_sd, len(line)), 0.0)
     direction = pointing(tilt, rng.uniform(-np.pi, np.pi, len(line)))
     radius = np.full(len(line), 0.5 * facts.diameter)

@@ -23,10 +23,12 @@ from swath.field.plants.parts import (
     arc,
     assemble,
     blades,
+    heights_of,
     normal,
     pointing,
     rods,
     shared,
+    sizes,
     stalk_capsules,
 )
 
@@ -118,11 +120,11 @@ class _Ears:
 def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plants:
     """Grain is shared out by ear length, straw by stalk volume. See `make_plants`."""
     facts, bend, leaf = crop.organs.of(EarFacts), crop.organs.of(NeckFacts), crop.organs.of(LeafFacts)
-    height = normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
+    height = heights_of(crop, rng, count)
     ear_length = np.zeros(count)
     if facts is not None:
-        ear_length = normal(rng, facts.length, facts.length * facts.length_cv, count)
-    scale = normal(rng, 1.0, crop.stem.diameter_cv, count)
+        ear_length = sizes(rng, facts.length, facts.length_cv, count)
+    scale = sizes(rng, 1.0, crop.stem.diameter_cv, count)
     lean = np.maximum(normal(rng, crop.stem.lean_mean, crop.stem.lean_sd, count), 0.0)
     tilt = np.zeros(count)
     if facts is not None:
@@ -130,7 +132,7 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
     heading, nod = rng.uniform(-np.pi, np.pi, (2, count))
     neck = np.zeros(count)
     if bend is not None:
-        neck = normal(rng, bend.length, bend.length * bend.length_cv, count)
+        neck = sizes(rng, bend.length, bend.length_cv, count)
     if how.upright:
         lean, tilt, neck = np.zeros(count), np.zeros(count), np.zeros(count)
     heads = None
@@ -179,7 +181,7 @@ def _awns(facts: AwnFacts, a: Array, b: Array, axis: Array, ears: _Ears, rng: np
     count = len(ears.length) * facts.drawn
     owner, number = np.divmod(np.arange(count), facts.drawn)
     along = (number + rng.random(count)) / facts.drawn
-    length = normal(rng, facts.length, facts.length * facts.length_cv, count)
+    length = sizes(rng, facts.length, facts.length_cv, count)
     direction = apart(axis[owner], np.full(count, facts.spread), rng.uniform(-np.pi, np.pi, count))
     start = a[owner] + along[:, None] * (b - a)[owner] + 0.5 * ears.radius[owner, None] * direction
     radius = np.full(count, 0.5 * facts.diameter * facts.per_ear / facts.drawn)

@@ -24,6 +24,7 @@ from swath.field.plants.parts import (
     pointing,
     rods,
     shared,
+    sizes,
     stalk_capsules,
     stalks_of,
 )
@@ -111,7 +112,7 @@ def _cobs(facts: CobFacts, stalks: Stalks, plane: Array, rng: np.random.Generato
     share = np.clip(foot_height / stalks.length, 0.1, 0.9)
     azimuth = plane + np.pi * rng.integers(0, 2, stems)
     tilt = np.maximum(normal(rng, facts.inclination_mean, facts.inclination_sd, stems), 0.0)
-    length = normal(rng, facts.length, facts.length * facts.length_cv, stems)
+    length = sizes(rng, facts.length, facts.length_cv, stems)
     radius = 0.5 * facts.diameter * np.sqrt(length / facts.length)
     beside = pointing(np.full(stems, 0.5 * np.pi), azimuth)
     foot = stalks.point(share, owner) + radius[:, None] * beside

@@ -13,7 +13,7 @@ from swath.field.crop import Crop, Habit, Organs, StandFacts, YieldSection
 from swath.field.memory_layout import Organ, Shape, ranked
 from swath.field.mesh_crop import HEIGHT, MeshFacts, MeshSection, mesh_facts, triangle_area
 from swath.field.plants.drawing import Drawing
-from swath.field.plants.parts import Array, Plants, normal, shared
+from swath.field.plants.parts import Array, Plants, shared, sizes
 
 FRUIT = (Organ.EAR, Organ.POD, Organ.COB)
 GROWTH = 3.0  # mass goes with this power of a plant's size
@@ -62,7 +62,7 @@ def make(crop: Crop, count: int, rng: np.random.Generator, how: Drawing) -> Plan
     mesh = crop.organs[MeshFacts]
     variants = mesh.variants
     which = rng.integers(0, len(variants), count)
-    size = normal(rng, 1.0, crop.stand.height_cv, count)
+    size = sizes(rng, 1.0, crop.stand.height_cv, count)
     turn = rng.uniform(-np.pi, np.pi, count)
     if not mesh.turns:
         turn[:] = 0.0

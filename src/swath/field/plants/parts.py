@@ -13,6 +13,7 @@ from swath.field.memory_layout import Organ, Shape, ranked
 
 Array = NDArray[np.float64]
 CUTOFF = 3.0  # normal distributions are cut at this many standard deviations
+LEAST_SIZE = 0.1  # of the mean: a normal distribution with a large coefficient of variation is cut there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,8 +164,8 @@ def blades(facts: LeafFacts, stalks: Stalks, parts: int, rng: np.random.Generato
     count = len(owner)
     share = facts.node_top - facts.node_step * (rank + rng.uniform(-0.25, 0.25, count))
     foot = stalks.point(np.clip(share, 0.02, 0.98), owner)
-    length = normal(rng, facts.length, facts.length * facts.length_cv, count)
-    width = normal(rng, facts.width, facts.width * facts.width_cv, count)
+    length = sizes(rng, facts.length, facts.length_cv, count)
+    width = sizes(rng, facts.width, facts.width_cv, count)
     azimuth = rng.uniform(-np.pi, np.pi, count)
     if how.plane is not None:
         azimuth = how.plane[owner] + np.pi * rank + how.scatter / np.pi * azimuth
@@ -213,6 +214,11 @@ def normal(rng: np.random.Generator, mean: float, sd: float, count: int) -> Arra
     return mean + sd * np.clip(rng.standard_normal(count), -CUTOFF, CUTOFF)
 
 
+def sizes(rng: np.random.Generator, mean: float, cv: float, count: int) -> Array:
+    """Normal numbers with this coefficient of variation, none under LEAST_SIZE of the mean."""
+    return np.maximum(normal(rng, mean, mean * cv, count), LEAST_SIZE * mean)
+
+
 def shared(weight: Array, mean: float) -> Array:
     """A mass for each, in proportion to the weights and with this mean."""
     return mean * weight / weight.mean() if len(weight) else weight
@@ -235,7 +241,7 @@ def joined(one: Plants, two: Plants, order: NDArray[np.int64]) -> Plants:
 def stalks_of(crop: Crop, rng: np.random.Generator, length: Array, *, upright: bool = False) -> Stalks:
     """Leaning stalks of these lengths [m], (n,)."""
     count, stem = len(length), crop.stem
-    scale = normal(rng, 1.0, stem.diameter_cv, count)
+    scale = sizes(rng, 1.0, stem.diameter_cv, count)
     lean = np.maximum(normal(rng, stem.lean_mean, stem.lean_sd, count), 0.0)
     reach = np.zeros(count) if upright else portable.tan(lean) * length
     return Stalks(length, reach, rng.uniform(-np.pi, np.pi, count), scale)
@@ -243,4 +249,4 @@ def stalks_of(crop: Crop, rng: np.random.Generator, length: Array, *, upright: b
 
 def heights_of(crop: Crop, rng: np.random.Generator, count: int) -> Array:
     """Heights of plants [m], (count,)."""
-    return normal(rng, crop.stand.height, crop.stand.height * crop.stand.height_cv, count)
+    return sizes(rng, crop.stand.height, crop.stand.height_cv, count)
