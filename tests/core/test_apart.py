@@ -140,9 +140,9 @@ class Place:
     sizes: list[int]
 
 
-def there_and_back(value, classes=None):
+def there_and_back(value, classes=None, say=Plain.text):
     plain, file = Plain(), BytesIO()
-    plain.write(file, plain.text(value))
+    plain.write(file, say(plain, value))
     file.seek(0)
     return read_plain(lambda size: bytearray(file.read(size)), classes or {}, 1 << 20)
 
@@ -159,11 +159,20 @@ def test_values_come_back():
     assert there_and_back(place, {"Place": Place}) == place
 
 
+FIX, HEADER, EMPTY = (
+    type(f"sensor_msgs__msg__{name}", (), {"__msgtype__": f"sensor_msgs/msg/{name}"})
+    for name in ("Fix", "Header", "Empty")
+)
+
+
+def with_fields(kind, **values):
+    made = kind()
+    vars(made).update(values)
+    return made
+
+
 def test_messages_are_names_with_values():
-    kind = type("sensor_msgs__msg__Fix", (), {"__msgtype__": "sensor_msgs/msg/Fix"})
-    message, header = kind(), kind()
-    header.stamp = 3
-    message.header, message.ranges = header, np.arange(3, dtype=np.float32)
+    message = with_fields(FIX, header=with_fields(HEADER, stamp=3), ranges=np.arange(3, dtype=np.float32))
     back = there_and_back(message)
     assert isinstance(back, Message)
     assert back.__msgtype__ == "sensor_msgs/msg/Fix"
@@ -173,10 +182,47 @@ def test_messages_are_names_with_values():
         back.absent  # noqa: B018
 
 
+def same(one, other):
+    if hasattr(one, "__msgtype__"):
+        return one.__msgtype__ == other.__msgtype__ and all(
+            same(value, getattr(other, name)) for name, value in vars(one).items()
+        )
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
+    if isinstance(one, list):
+        return len(one) == len(other) and all(map(same, one, other))
+    return type(one) is type(other) and (one == other or one != one)
+
+
+def test_many_messages_come_back_as_they_were():
+    rng, messages = np.random.default_rng(3), []
+    for k in range(50):
+        header = with_fields(HEADER, stamp=k, frame=("a", "ä\n")[k % 2])
+        values = np.arange(3.0 if k < 25 else k, dtype=np.float32)
+        inner = [with_fields(HEADER, stamp=n, frame="") for n in range(k % 3)]
+        fix = with_fields(
+            FIX, header=header, values=values, alike=rng.random(4), many=inner, is_ok=k % 2 == 0,
+            x=(float("nan"), 1e300, -0.0)[k % 3], large=2**64 - 1 - k, is_text=np.array(["x"]),
+        )  # fmt: skip
+        messages += [("/fix", 10**18 + k, fix), ("/stamp", k, header), ("/empty", -k, EMPTY())]
+    one = [("/one", k, with_fields(EMPTY, only=np.full(9000, k))) for k in range(3)]
+    for group in (messages, messages[:1], one, [("/empty", 0, EMPTY())] * 3, [], [1, ("a", 2, 3)]):
+        back = there_and_back(group, say=Plain.many)
+        assert len(back) == len(group)
+        for given, found in zip(group, back, strict=True):
+            assert all(map(same, given, found)) if isinstance(given, tuple) else given == found
+    with pytest.raises(MissingField, match=r"sensor_msgs/msg/Empty.*a field absent"):
+        there_and_back(one, say=Plain.many)[0][2].absent  # noqa: B018
+
+
 def answer(tree, *buffers):
     text = json.dumps(tree).encode()
     sizes = np.array([len(b) for b in buffers], "<u8").tobytes()
     return HEAD.pack(len(text), len(buffers)) + sizes + text + b"".join(buffers)
+
+
+def messages(form, *columns, of=(["/a"], [1], [0])):
+    return answer({KIND: "messages", "of": of, "types": [{"form": form, "columns": columns}]})
 
 
 @pytest.mark.parametrize("data", [
@@ -189,6 +235,12 @@ def answer(tree, *buffers):
     answer({KIND: "array", "in": 9, "of": "f8", "shape": [1]}),
     answer({KIND: "array", "in": "x"}),
     answer({KIND: ["a"]}),
+    messages(["a.b", {}]),
+    messages(["a", {"x": 1}], [1]),
+    messages(["a", {"x": "y"}], [1]),
+    messages(["a", {"x": 0}], [1], of=[["/a"], [1], [9]]),
+    messages(["a", {"x": 0}], [1], of=[["/a"], [1, 2], [0]]),
+    messages(["a", {"x": 0}], [1], of=[["/a", "/a"], [1, 2], [0, 0]]),
     HEAD.pack(1 << 40, 0),
     HEAD.pack(2, 1 << 30),
     HEAD.pack(2, 1) + (1 << 50).to_bytes(8, "little"),

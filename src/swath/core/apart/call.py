@@ -25,6 +25,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -177,7 +178,7 @@ class _Process:
                 if kept is not None:
                     vars(kept).update(answer.get("told", {}))
                 is_whole = answer["end"]
-                yield from answer["items"]
+                yield from chain.from_iterable(answer["items"])
                 if (error := answer.get("error")) is not None:
                     raise _error_of(error, place)
         finally:

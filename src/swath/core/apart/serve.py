@@ -19,7 +19,7 @@ from swath.core.apart.confine import confine
 from swath.core.apart.plain import Plain
 from swath.core.errors import InputError, MissingExtra, SwathError
 
-FIRST, MOST, MOST_GROUP = 4, 4096, 64  # items of the first block, of any, and that are made JSON together
+FIRST, MOST, MOST_GROUP = 4, 4096, 512  # items of the first block, of any, and that are made JSON together
 BLOCK_BYTES = 1 << 20  # after which a block goes out; no clock: notes are told by the block
 
 
@@ -83,10 +83,10 @@ class Server:
             is_whole |= len(items) < min(group, most - count)
             if items:
                 before = plain.size
-                texts.append(plain.text(items)[1:-1])
+                texts.append(plain.many(items))
                 count += len(items)
                 size += (grown := len(texts[-1]) + plain.size - before)
-                group = max(1, min(MOST_GROUP, len(items) * BLOCK_BYTES // (8 * grown)))
+                group = max(1, min(MOST_GROUP, len(items) * BLOCK_BYTES // (2 * grown)))
         if is_whole:
             del self._streams[number]
         else:

@@ -113,15 +113,13 @@ def low_echoes(samples: Samples, shape: tuple[int, ...], node_cells: int, params
 def grown(field: Array) -> Array:
     """Fill each unknown node outwards from the known ones, with the mean of those beside it."""
     padded = np.pad(field, 1, constant_values=np.nan)
-    inside = np.pad(np.ones(field.shape, bool), 1)
-    shift = np.array([(j, i) for j in (-1, 0, 1) for i in (-1, 0, 1)])
-    known = np.argwhere(~np.isnan(padded))
+    flat, inside = padded.ravel(), np.pad(np.ones(field.shape, bool), 1).ravel()
+    beside = (np.array([[-1], [0], [1]]) * padded.shape[1] + [-1, 0, 1]).ravel()
+    known = np.flatnonzero(~np.isnan(flat))
     while len(known):
-        near = np.unique((known[:, None] + shift).reshape(-1, 2), axis=0)
-        near = near[inside[tuple(near.T)] & np.isnan(padded[tuple(near.T)])]
-        if len(near):
-            j, i = (near[:, None] + shift).transpose(2, 0, 1)
-            padded[tuple(near.T)] = np.nanmean(padded[j, i], axis=1)
+        near = np.unique(known[:, None] + beside)
+        near = near[inside[near] & np.isnan(flat[near])]
+        flat[near] = np.nanmean(flat[near[:, None] + beside], axis=1)
         known = near
     return padded[1:-1, 1:-1]
 
