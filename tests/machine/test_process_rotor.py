@@ -103,3 +103,13 @@ def test_loss_doubles_with_every_15_percent_of_throughput():
     assert drum_and_rotor(1.0) == pytest.approx(0.005, rel=0.1)
     assert 1.8 < drum_and_rotor(1.15) / drum_and_rotor(1.0) < 2.2
     assert 1.6 < drum_and_rotor(1.30) / drum_and_rotor(1.15) < 2.2
+
+
+@pytest.mark.parametrize(
+    ("threshing", "separation"), [(1.0, 900.0), (900.0, 1.0), (900.0, 900.0), (0.0, 2e3)]
+)
+def test_rates_beyond_what_an_exponential_holds(threshing, separation):
+    """Of rates t and s, with the smaller one a, t / |s - t| exp(-a) is on its way."""
+    slow, fast = sorted((threshing, separation))
+    on_its_way = threshing / max(fast - slow, 1.0) * math.exp(-slow)
+    assert coupled(1.0, 0.0, threshing, separation) == pytest.approx((math.exp(-threshing), on_its_way))

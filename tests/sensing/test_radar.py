@@ -8,6 +8,7 @@ from math import cos, log, pi, sin, sqrt
 import numpy as np
 import pytest
 
+from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
@@ -22,6 +23,7 @@ from swath.sensing.radar.cross_section import rod
 from swath.sensing.radar.error import Echo, Scatterers, glint, merged
 from swath.sensing.radar.radar_sheet import LIGHT, load_radar
 from swath.sensing.radar.stand_loss import DB, StandLoss, wave_factor
+from tests.changed_sheets import changed_sheet
 from tests.field.made_field import made_field
 from tests.field.test_solids import MACHINE
 from tests.sensing.driven_states import circle, feed, rolling, state, straight
@@ -326,3 +328,9 @@ def test_saved_and_loaded_in_the_middle():
     for a, b in zip(whole[4:], rest, strict=True):
         assert a.t == b.t
         assert (a.range.tobytes(), a.rcs.tobytes()) == (b.range.tobytes(), b.rcs.tobytes())
+
+
+def test_a_cell_wider_than_the_field_of_view(tmp_path):
+    path = changed_sheet(tmp_path, "sensors", "radar-24ghz", "azimuth_fov_deg", {"value": 2.0})
+    with pytest.raises(InputError, match=r"azimuth_fov_deg = 2\.0: expected at least azimuth_resolution_deg"):
+        load_radar(str(path))

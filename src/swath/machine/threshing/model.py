@@ -43,10 +43,10 @@ def coupled(ear: float, free: float, threshing: float, separation: float) -> tup
 
     Exact for any two rates, equal ones too.
     """
-    gap = separation - threshing
-    grown = 1.0 + 0.5 * gap if abs(gap) < 1e-6 else expm1(gap) / gap
-    left = exp(-separation)
-    return ear * exp(-threshing), free * left + ear * threshing * left * grown
+    gap = abs(separation - threshing)
+    shared = 1.0 - 0.5 * gap if gap < 1e-6 else -expm1(-gap) / gap
+    slower = exp(-min(separation, threshing))
+    return ear * exp(-threshing), free * exp(-separation) + ear * threshing * slower * shared
 
 
 @dataclass(frozen=True)

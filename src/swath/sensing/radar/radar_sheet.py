@@ -88,4 +88,6 @@ def load_radar(name: str, base: Path | None = None) -> RadarSheet:
     made = sheet.read(RadarSheet)
     if made.range_max < made.range_min + made.range_resolution:
         raise sheet.error("range_max_m", "expected at least range_min_m and range_resolution_m together")
+    if made.azimuth_fov < made.azimuth_resolution:
+        raise sheet.error("azimuth_fov_deg", "expected at least azimuth_resolution_deg")
     return made
