@@ -61,6 +61,12 @@ def _refuse() -> None:
 
 
 @apart("log", "a log")
+def content(path: Path) -> bytes:
+    """What is in it."""
+    return path.read_bytes()
+
+
+@apart("log", "a log")
 def much(path: Path, gigabytes: float) -> int:
     """Takes memory."""
     return len(np.ones(int(gigabytes * (1 << 27))))

@@ -111,6 +111,17 @@ def test_a_folder_has_one_reader_and_few_stay(log, tmp_path, fresh):
     assert len(call._alive) == call.MOST_ALIVE
 
 
+def test_a_folder_that_is_made_anew_is_read(tmp_path, fresh):
+    path = tmp_path / "made" / "a.log"
+    for content in (b"one", b"other", b"third"):
+        if path.parent.is_dir():
+            path.parent.rename(tmp_path / f"was {content}")  # its number stays taken
+        path.parent.mkdir()
+        path.write_bytes(content)
+        assert apart_probe.content(path) == content
+    assert len([p for p in call._alive if p.is_alive]) == 1
+
+
 def test_a_file_of_our_own_is_read_here(log, fresh):
     call.written_here(log)
     assert apart_probe.much(log, 0.0) == 0

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -40,11 +41,11 @@ def test_the_hook_sees(act, tmp_path):
     assert int(ran.stdout) >= 1
 
 
-@pytest.mark.parametrize("package", KINDS)
-def test_nothing_that_a_file_says_acts(package):
-    pytest.importorskip(package)
+def test_nothing_that_a_file_says_acts():
+    kinds = ",".join(kinds for package, kinds in KINDS.items() if find_spec(package))
+    assert kinds
     ran = subprocess.run(
-        [sys.executable, "-m", "tests.fuzz.audit", "--cases", "3", "--kinds", KINDS[package]],
+        [sys.executable, "-m", "tests.fuzz.audit", "--cases", "2", "--kinds", kinds],
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr[-2000:]

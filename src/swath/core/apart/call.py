@@ -76,8 +76,13 @@ def apart(
                 return reader(*args, **kwargs)
             classes = {kind.__qualname__: kind for kind in records}
             size = _size(path)
+            request, place = ("call", name, args, kwargs), _Place(key, what, path, size, classes)
             process = _process_for(path, size, (reader.__module__, *libraries))
-            found: R = process.ask(("call", name, args, kwargs), _Place(key, what, path, size, classes))
+            try:
+                found: R = process.ask(request, place)
+            except _Elsewhere:
+                process.may_read = False
+                found = _process_for(path, size, (reader.__module__, *libraries)).ask(request, place)
             return found
 
         vars(called).update(kept=tuple(kept))
@@ -100,6 +105,10 @@ def _state_of(path: Path) -> tuple[int, ...] | None:
     except (OSError, ValueError):
         return None
     return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns
+
+
+class _Elsewhere(Exception):
+    """A folder was made anew, and what was confined to the one before may not read it."""
 
 
 class _Place:
@@ -149,16 +158,19 @@ class _Process:
         self._end = weakref.finalize(self, _close, self._child)
         self._send(pickle.dumps(([*sys.path], sorted(roots), sorted(libraries), self._most, layers)))
         self._awaited, self._is_new = {*filter(None, layers)}, True
+        self.may_read = True
 
     @property
     def is_alive(self) -> bool:
         """Whether it can be asked."""
-        return self._child.poll() is None
+        return self.may_read and self._child.poll() is None
 
     def ask(self, request: tuple[Any, ...], place: _Place, kept: Kept | None = None) -> Any:
         """What comes back; an iterator is asked for further blocks. Raises what the reader raised."""
         with self._lock:
             answer = self._answer(request, place)
+        if answer.get("elsewhere"):
+            raise _Elsewhere
         if kept is not None:
             vars(kept).update(answer.get("told", {}))
         if (error := answer.get("error")) is not None:

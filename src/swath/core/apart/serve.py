@@ -49,6 +49,8 @@ class Server:
             return plain.text({"error": _told(error)})
 
     def _called(self, name: tuple[str, str], args: Any, kwargs: Any, *, plain: Plain) -> str:
+        if self._last and not _may_read(args[0]):
+            return plain.text({"elsewhere": True})
         reader: Any = importlib.import_module(name[0])
         for part in name[1].split("."):
             reader = getattr(reader, part)
@@ -97,6 +99,17 @@ class Server:
         if error:
             parts.append(f'"error":{error}')
         return "{" + ",".join(parts) + "}"
+
+
+def _may_read(path: Any) -> bool:
+    """Whether it lies where this process may read, as far as that can be told."""
+    try:
+        os.close(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)))
+    except PermissionError:
+        return False
+    except OSError:
+        return True  # the reader says why not
+    return True
 
 
 def _attributes(value: Any) -> dict[str, Any]:
