@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.apart.call import apart
+from swath.core.errors import InputError
 
 
 def _tried(do: Any) -> str:
@@ -62,8 +63,10 @@ def _refuse() -> None:
 
 @apart("log", "a log")
 def content(path: Path) -> bytes:
-    """What is in it."""
-    return path.read_bytes()
+    """What is in it; an error where that is nothing."""
+    if not (found := path.read_bytes()):
+        raise InputError("log", path.name, "expected no empty file", file=path)
+    return found
 
 
 @apart("log", "a log")

@@ -113,12 +113,16 @@ def test_a_folder_has_one_reader_and_few_stay(log, tmp_path, fresh):
 
 def test_a_folder_that_is_made_anew_is_read(tmp_path, fresh):
     path = tmp_path / "made" / "a.log"
-    for content in (b"one", b"other", b"third"):
+    for content in (b"", b"one", b"other", b"third"):
         if path.parent.is_dir():
             path.parent.rename(tmp_path / f"was {content}")  # its number stays taken
         path.parent.mkdir()
         path.write_bytes(content)
-        assert apart_probe.content(path) == content
+        if content:
+            assert apart_probe.content(path) == content
+        else:
+            with pytest.raises(InputError, match="empty"):
+                apart_probe.content(path)
     assert len([p for p in call._alive if p.is_alive]) == 1
 
 

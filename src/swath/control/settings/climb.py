@@ -47,6 +47,7 @@ the same feed, more of it is less straw. To the first two `feed_exponent` - 1 is
 broke 16 % less wheat (tehqeeqat 33395); the rest are estimates.
 """
 WINDOWS = 100  # whose feeds are kept
+LEAST = 0.1  # of the manual's setting: below, as with a fan that stands, trends say nothing more
 
 
 @dataclass(frozen=True)
@@ -178,8 +179,8 @@ class Climb(KeepsState):
         """What trends go with, (8,): logarithms of settings over the manual's, and half their squares."""
         own = self._own
         over = {name: settings[name] / own[name] for name in MOVED}
-        over["fan"] *= max(1.0 - SIEVE_AIR * PERCENT / MM * (settings["upper"] - own["upper"]), 0.1)
-        x = [log(over[name]) for name in MOVED]
+        over["fan"] *= max(1.0 - SIEVE_AIR * PERCENT / MM * (settings["upper"] - own["upper"]), LEAST)
+        x = [log(max(over[name], LEAST)) for name in MOVED]
         return np.array([*x, *(0.5 * value * value for value in x)])
 
     def _learn(self, means: list[float]) -> None:
