@@ -1,6 +1,7 @@
 """The report: one page that holds everything and loads nothing; pictures that show what they should."""
 
 import re
+from copy import copy, deepcopy
 from html.parser import HTMLParser
 
 import numpy as np
@@ -261,3 +262,14 @@ def test_a_curve_has_all_its_points_up_to_a_number_and_never_twice_as_many(count
     shown = np.arange(count)[evenly(range(count))]
     assert len(shown) == count or POINTS <= len(shown) < 2 * POINTS
     assert len(set(np.diff(shown).tolist())) <= 1
+
+
+@pytest.mark.parametrize("limit", [1.7e308, -1.7e308, 0.0, 5e-324])
+def test_limits_of_any_size_are_drawn(run, limit, tmp_path):
+    data = copy(run[1])
+    data.summary = deepcopy(data.summary)
+    changed = [entry["limit"] for entry in data.summary["expect"] if "max" in entry["limit"]]
+    for entry in changed:
+        entry["max"] = limit
+    assert len(changed) >= len(LIMITS)
+    assert write_report(tmp_path, data).stat().st_size > 1000

@@ -46,6 +46,7 @@ DARK = {
     BLUE: "#3f9bd8",
 }  # neutral colours and light fills -> what they are in the dark look
 DIM = "dim"  # how the name (gid) of a picture of the field begins, which is dimmed in the dark look
+FAR = 50.0  # times the errors: a limit further off is not drawn, they would be a line beside it
 POINTS = 2500  # of a curve: more than a page has pixels
 STYLE = {
     "font.size": 9.5,
@@ -217,11 +218,12 @@ def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None)
 def _limits(ax: Any, values: F64, band: float | None) -> None:
     ax.axhline(0, color="#9AA0A8", lw=0.8)
     values = values[np.isfinite(values)]
-    reach = float(np.percentile(np.abs(values), 99.5)) if len(values) else 0.0
-    if band is not None:
+    reach = max(float(np.percentile(np.abs(values), 99.5)) if len(values) else 0.0, 1.0)
+    if band is not None and band < FAR * reach:
         for sign in (-1, 1):
             ax.axhline(sign * band, color=INK, lw=0.8, ls=(0, (4, 3)))
-    reach = 1.25 * max(reach, band or 0.0, 1.0)
+        reach = max(reach, band)
+    reach *= 1.25
     ax.set_ylim(-reach, reach)
 
 
