@@ -7,7 +7,6 @@ import shutil
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -192,20 +191,6 @@ def _pictures(folder: Path) -> None:
     make_dataset(settings, folder / "out", workers=1)
 
 
-def _plan(folder: Path) -> None:
-    from swath.fleet.plan import Pass, Plan
-
-    at = {f.name: 0 for f in fields(Pass)}
-    one = Pass(**{**at, "start": (0.0, 0.0), "end": (100.0, 0.0), "via": ((50.0, 1.0),)})
-    Plan((one, one), 1e4, 0.0).write(folder / "plan.json")
-
-
-def _read_plan(folder: Path) -> Any:
-    from swath.fleet.plan import read_plan
-
-    return read_plan(folder / "plan.json")
-
-
 def _drawn_jobs(folder: Path) -> Any:
     """How a job's hours spread, kept and gone on with."""
     from swath.fleet.files import read_job
@@ -339,7 +324,6 @@ def kept_kinds(known: dict[str, Kind]) -> dict[str, Kind]:
         "run-again": command(_saved, "run", "run/scenario.yaml", "--out", "run", "--quiet"),
         "own-crop": Kind(_crop, _read_scenario),
         "pictures": command(_pictures, "dataset", "straight", *PICTURES, "--out", "out"),
-        "plan": Kind(_plan, _read_plan),
         "scan-kept": Kind(written("scan.of.txt", "straight, seed 1, at 0 s"), _scanned),
         "job-results": Kind(_results, _read_results),
         "drawn-jobs": Kind(_drawn_jobs, _drawn_jobs),

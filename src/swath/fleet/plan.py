@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
 from swath.core.portable import arctan2, product, tan
-from swath.documents.json_file import read_json
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import PARAMS as GAPS
@@ -122,20 +121,6 @@ class Plan:
         """Write the plan as JSON, in the field's frame [m]."""
         rows = {"area_m2": self.area, "left_m2": self.left, "passes": [asdict(p) for p in self.passes]}
         write_whole(path, json.dumps(rows, indent=1) + "\n")
-
-
-def _points(rows: Sequence[Sequence[float]]) -> tuple[Any, ...]:
-    return tuple(map(tuple, rows))
-
-
-def read_plan(path: Path) -> Plan:
-    """A plan as `Plan.write` has it."""
-    rows = read_json(path, "plan", "a plan")
-    passes = tuple(
-        Pass(**{**p, "start": tuple(p["start"]), "end": tuple(p["end"]), "via": _points(p.get("via", ()))})
-        for p in rows["passes"]
-    )
-    return Plan(passes, rows["area_m2"], rows["left_m2"])
 
 
 class _Stretch(NamedTuple):

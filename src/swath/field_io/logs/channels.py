@@ -195,14 +195,14 @@ class Mf4:
 
     def blocks(self, wanted: Collection[str]) -> Iterator[Block]:
         """The samples of some channels, those of each in the order of time."""
-        with _mdf(self.path) as mdf:
+        with _whole(self.path, "MF4"), _mdf(self.path) as mdf:
             for group in self._groups(wanted):
                 for rows in self._rows(mdf, group):
                     yield from rows
 
     def samples(self, wanted: Collection[str]) -> Iterator[tuple[int, str, float]]:
         """(time [ns], channel, value), of all channels in the order of time."""
-        with _mdf(self.path) as mdf:
+        with _whole(self.path, "MF4"), _mdf(self.path) as mdf:
             yield from merge(
                 *(_sorted(self._rows(mdf, group)) for group in self._groups(wanted)), key=lambda s: s[0]
             )
