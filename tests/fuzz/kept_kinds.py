@@ -262,7 +262,7 @@ def _sent(folder: Path) -> Any:
         for name in ("open_node", "close_node", "_wait"):
             kept.enter_context(patch.object(player, name))
         kept.enter_context(patch.object(player, "Publisher", lambda node, store: _Unheard()))
-        kept.enter_context(patch.object(player, "Clock", lambda node: SimpleNamespace(due=1 << 62)))
+        kept.enter_context(patch.object(player, "Clock", lambda node: SimpleNamespace(due=1 << 64)))
         return player.play(next(folder.rglob("*.mcap")), wait_s=0.0)
 
 
