@@ -8,13 +8,17 @@ JOBS ?= 2
 # Hundreds of processes start: each would compile all that it imports, 1.5 s of CPU.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test check bench docs pictures results replays clean
+.PHONY: demo test test-all check bench docs pictures results replays clean
 
 demo: $(VENV)/.base
 	$(BIN)/swath run laser-pilot --out $(OUT)/demo
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not draws"
+
+# what proves over draws: statistics, fuzz, fleets of jobs, tutorials
+test-all: $(VENV)/.dev
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m draws
 
 check: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -19,9 +19,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.pop("COLUMNS", None)  # lists are as wide as they take
 
 # The same cases in every run; HYPOTHESIS_PROFILE=search looks for new ones.
-SLOW = [HealthCheck.too_slow]  # asks the clock, which a busy machine fails
-settings.register_profile("same", derandomize=True, suppress_health_check=SLOW)
-settings.register_profile("search", print_blob=True, suppress_health_check=SLOW)
+SLOW = [HealthCheck.too_slow]  # asks the clock, as deadlines do, which a busy machine fails
+settings.register_profile("same", derandomize=True, deadline=None, suppress_health_check=SLOW)
+settings.register_profile("search", print_blob=True, deadline=None, suppress_health_check=SLOW)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 LONGEST = (  # what asks the clock comes when CI has built its packages
@@ -31,11 +31,11 @@ LONGEST = (  # what asks the clock comes when CI has built its packages
 )  # fmt: skip
 
 
-SPENT = Counter()  # CPU time [s] by file, of all tests and what they start
+SPENT = {"test": {}, "draws": {}}  # CPU time [s] by file and test, of all cases and what they start
 
 
 def pytest_addoption(parser):
-    """`--write-durations FILE`: the CPU time of each file of tests, as JSON, longest first."""
+    """`--write-durations FILE`: the CPU time of each test, as JSON, for `python -m tests.durations keep`."""
     parser.addoption("--write-durations", type=Path, metavar="FILE")
 
 
@@ -57,17 +57,23 @@ def pytest_runtest_makereport(item, call):
 
 
 def pytest_runtest_logreport(report):
-    """Add up by file."""
+    """Add up by test."""
     if report.when == "teardown":
-        SPENT[report.nodeid.partition("::")[0]] += dict(report.user_properties).get("cpu_s", 0.0)
+        file, _, name = report.nodeid.partition("::")
+        of = SPENT["draws" if "draws" in report.keywords else "test"].setdefault(file, Counter())
+        of[name.partition("[")[0].rpartition("::")[2]] += dict(report.user_properties).get("cpu_s", 0.0)
 
 
 def pytest_sessionfinish(session):
     """Write them, in the process that gathers reports."""
     file = session.config.getoption("--write-durations")
     if file is not None and not hasattr(session.config, "workerinput"):
-        found = {name: round(seconds, 1) for name, seconds in SPENT.most_common()}
-        file.write_text(json.dumps(found, indent=0) + "\n")
+        found = {
+            part: {name: {test: round(seconds, 2) for test, seconds in sorted(tests.items())}
+                   for name, tests in files.items()}
+            for part, files in SPENT.items()
+        }  # fmt: skip
+        file.write_text(json.dumps(found) + "\n")
 
 
 def pytest_collection_modifyitems(items):

@@ -34,7 +34,15 @@ def test_each_tutorial_is_linked_and_tried():
     assert len(names - ELSEWHERE) >= 8
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if p.stem not in ELSEWHERE], ids=lambda p: p.stem)
+FIRST = "first-run"  # alone in `make test`
+TYPED = [
+    pytest.param(page, id=page.stem, marks=() if page.stem == FIRST else pytest.mark.draws)
+    for page in PAGES
+    if page.stem not in ELSEWHERE
+]
+
+
+@pytest.mark.parametrize("page", TYPED)
 def test_a_tutorial(page, tmp_path):
     if module := NEEDS.get(page.stem):
         pytest.importorskip(module)

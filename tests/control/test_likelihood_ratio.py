@@ -326,7 +326,7 @@ def test_a_saved_detector_goes_on_as_if_nothing_had_happened():
     assert again == straight
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(scans(), odometry, st.integers(-3, 60)), min_size=1, max_size=8), st.booleans())
 def test_any_scans(sequence, is_warm):
     level, rng, t = detector(), np.random.default_rng(0), 0

@@ -324,7 +324,7 @@ def test_a_point_shapefile_reads_like_the_csv(tmp_path, small):
     assert find_columns(["flow"], tmp_path, None, has_points=True, needs={}).profile == "usual names"
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     seed=st.integers(0, 2**32),
     cuts=st.integers(0, 60),
@@ -359,7 +359,7 @@ def test_corrupted_bytes_never_end_in_a_traceback(small, seed, cuts, mode):
     assert not [p for p in small.iterdir() if p.name.startswith(".")]
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32), cuts=st.integers(1, 8))
 def test_a_corrupted_field_folder_is_read_or_refused(small, seed, cuts):
     out = small / "kept"

@@ -148,7 +148,7 @@ def whole(tmp_path_factory):
     return write(tmp_path_factory.mktemp("iso"), {"TLG00001": b"".join(simple_records(12))})
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     name=st.sampled_from(["TLG00001.bin", "TLG00001.bin", "TLG00001.xml", "TASKDATA.XML"]),
     at=st.integers(0, 1000),

@@ -276,7 +276,7 @@ def test_a_plan_of_machines_of_different_widths_asks_for_one(tmp_path):
     assert any("header width: 9 m" in note for note in field.info["notes"])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=12), st.sets(st.integers(1, 12), min_size=1))
 def test_no_part_of_a_header_counts_twice(parents, having):
     """Parents are drawn, in circles too: what is summed never holds an element and one within it."""

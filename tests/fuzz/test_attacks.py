@@ -34,6 +34,7 @@ def within(seconds):
     assert not late
 
 
+@pytest.mark.draws
 @pytest.mark.filterwarnings("ignore")  # of libraries
 @pytest.mark.parametrize("name", QUICK)
 def test_nothing_acts(tmp_path, name):

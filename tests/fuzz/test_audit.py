@@ -41,6 +41,7 @@ def test_the_hook_sees(act, tmp_path):
     assert int(ran.stdout) >= 1
 
 
+@pytest.mark.draws
 def test_nothing_that_a_file_says_acts():
     kinds = ",".join(kinds for package, kinds in KINDS.items() if find_spec(package))
     assert kinds

@@ -18,6 +18,7 @@ def folders(tmp_path_factory):
     return Folders(tmp_path_factory.mktemp("folders"))
 
 
+@pytest.mark.draws
 def test_an_edited_folder_of_results_is_read_or_refused(folders, capfd):
     ended = {"taken": 0, "refused": 0}
     for number in range(EDITS):

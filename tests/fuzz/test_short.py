@@ -42,6 +42,7 @@ def worker(tmp_path_factory):
     made.close()
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(("kind", "number"), [*ONCE_FAILED, *((kind, 1) for kind in QUICK)])
 def test_a_damaged_file_is_read_or_refused_in_short(worker, kind, number):
     said, more, file, *_ = worker.ask(kind, number)

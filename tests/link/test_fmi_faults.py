@@ -96,7 +96,7 @@ CHANGES = st.lists(st.tuples(st.floats(0.0, 1.0), NEW_WORDS), min_size=1, max_si
 
 
 @pytest.mark.parametrize("whole", TEXTS.values(), ids=list(TEXTS))
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(changes=CHANGES)
 def test_mangled_descriptions_are_read_or_refused(tmp_path, whole, changes):
     """Words of the description replaced at random: a description or one clear error, nothing else."""

@@ -281,7 +281,7 @@ def test_parameters_in_a_file_of_their_own(tmp_path, fmus):
     assert read_system(tmp_path / "works.ssd").starts == {("A", "time_constant"): 0.5}
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     changes=st.lists(
         st.tuples(st.floats(0.0, 1.0), st.sampled_from(["", "x", "-1", '"', "<b/>", "A", "B"])),

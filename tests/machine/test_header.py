@@ -102,7 +102,7 @@ def test_saved_header_goes_on_where_it_was():
 coordinate = st.floats(-0.5, 0.5)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(coordinate, coordinate, st.floats(-0.3, 0.3))
 def test_every_part_is_convex_and_anticlockwise(dx, dy, turn):
     before = np.array([[0.0, 6.0], [0.0, -6.0]])

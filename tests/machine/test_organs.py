@@ -101,7 +101,7 @@ def test_organs_are_what_the_one_part_is():
     st.lists(st.tuples(st.floats(0, 6), st.floats(0, 5)), min_size=1, max_size=20),
     st.sampled_from([0.04, 0.1, 0.5]),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_any_mixture_keeps_every_kilogram(levels, course, dt):
     row = Row(site(period=dt), made(levels))
     row.reset(STREAM)

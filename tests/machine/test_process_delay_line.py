@@ -45,7 +45,7 @@ def test_a_step_of_crop_answers_with_dead_time_and_first_order():
 
 
 @given(st.lists(st.tuples(st.floats(0, 6), st.floats(0, 5)), min_size=1, max_size=150))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_grain_and_straw_are_conserved(course):
     process, _ = make()
     for i, load in enumerate(drive(process, course), 1):

@@ -14,7 +14,7 @@ RATE = st.floats(0.01, 12.0)
 
 
 @given(RATE, RATE, st.floats(0, 5), st.floats(0, 5))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_coupled_exponentials_solve_their_equations(threshing, separation, ear, free):
     """Against a fine Runge-Kutta integration of du/dx = -l u, df/dx = l u - b f."""
 
@@ -79,7 +79,7 @@ def test_straw_leaves_a_slower_rotor_without_lumps():
         max_size=60,
     )
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_grain_and_straw_are_kept_through_stops(steps):
     rotor, fed, gone = Rotor(4.5, 4.3, 1.1, 3.0), np.zeros(2), np.zeros(2)
     for grain, straw, ratio, layer in steps:

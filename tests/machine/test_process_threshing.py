@@ -70,7 +70,7 @@ steps = st.lists(
 
 
 @given(steps, st.sampled_from([0.02, 0.1, 0.5]), st.sampled_from(["swath", "chop"]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_grain_and_straw_are_conserved_whatever_comes(course, dt, straw):
     """Crop that starts and stops, engine that slows down and stands, machine that stands."""
     process = ThreshingProcess(Params(straw=straw, unload_at_percent=0.5), site(period=dt))

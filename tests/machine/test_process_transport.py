@@ -53,7 +53,7 @@ flows = st.lists(st.tuples(st.floats(0, 50), st.floats(0, 40), st.floats(0, 2)),
 
 
 @given(flows, st.floats(0, 5), st.floats(0, 0.1))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_nothing_is_lost_on_the_way(steps, length, joined):
     conveyor, fed, left = Conveyor(length, 2, joined=joined), np.zeros(2), np.zeros(2)
     for grain, straw, way in steps:

@@ -102,7 +102,7 @@ samples = st.builds(
 
 
 @given(st.lists(st.tuples(st.integers(0, 2 * 10**9), samples), min_size=1, max_size=12))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_any_sample_comes_back_to_the_last_bit(tmp_path_factory, given_samples):
     folder = tmp_path_factory.mktemp("odd")
     given_samples.sort(key=lambda pair: pair[0])
@@ -254,7 +254,7 @@ courses = st.sampled_from(["<f8", "<f4"]).flatmap(
 
 
 @given(st.one_of(courses, courses.map(lambda c: np.cumsum(np.ones_like(c), axis=0) * c[0])))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_packed_columns_keep_every_bit(column):
     how, data = packed_columns.pack(column)
     assert len(data) == column.nbytes

@@ -17,7 +17,7 @@ from tests.bags import BEGIN, Bag
 from tests.fake_run import ArcEdge, GridField, drive, machine
 from tests.record.test_exact_samples import same_bits
 
-MANY = settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+MANY = settings(max_examples=40, suppress_health_check=list(HealthCheck))
 SLOTS = ("combine.motion", "combine.lidar", "combine.edge", "combine.steering")
 
 
@@ -137,7 +137,7 @@ def test_garbage_behind_a_good_beginning(tmp_path_factory, data, form):
 
 
 @given(text=st.text(max_size=200))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_folder_with_odd_metadata(tmp_path_factory, text):
     folder = tmp_path_factory.mktemp("odd")
     (folder / "metadata.yaml").write_text(text, encoding="utf-8")

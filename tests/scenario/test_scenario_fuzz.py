@@ -140,20 +140,20 @@ def validator():
     return jsonschema.Draft202012Validator(scenario_schema(FAKE))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(mutated())
 def test_mutated_data(text):
     if read(text) is not None:
         assert validator().is_valid(parse(text).data)  # an editor must not mark what can be run
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(scrambled() | st.text(max_size=60))
 def test_scrambled_text(text):
     read(text)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.lists(
         st.sampled_from(

@@ -306,7 +306,7 @@ def good_file():
 GOOD = good_file()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(at=st.integers(0, len(GOOD) - 1), value=st.integers(0, 255), cut=st.booleans())
 def test_damaged_files_are_refused_or_read_whole(at, value, cut, tmp_path_factory):
     path = tmp_path_factory.mktemp("damaged") / "g.npz"
@@ -315,7 +315,7 @@ def test_damaged_files_are_refused_or_read_whole(at, value, cut, tmp_path_factor
         assert load_height_grid(path).quantiles.shape[0] == 2
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     name=st.sampled_from(
         ["table", "height_quantiles_mm", "count", "ground_m", "origin_m", "cell_m", "yaw_rad"]

@@ -30,6 +30,7 @@ def test_there_are_as_many_spans_as_levels_declare(folder):
     assert len(sheets.numbers()) > 2000
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(("slot", "level"), LEVELS, ids=[".".join(pair) for pair in LEVELS])
 def test_a_level_takes_what_its_inputs_may_hold(slot, level, folder):
     part = inputs.alone(slot, level, folder)
@@ -39,6 +40,7 @@ def test_a_level_takes_what_its_inputs_may_hold(slot, level, folder):
         part.world.close()
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("number", range(DRAWN_KEYS))
 def test_keys_of_scenarios_at_their_ends(number, folder):
     rng = Random(number)
@@ -47,6 +49,7 @@ def test_keys_of_scenarios_at_their_ends(number, folder):
     moment(key.scenario(end), folder)
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("number", range(DRAWN_SHEETS))
 def test_numbers_of_data_sheets_at_their_limits(number, folder):
     drawn = Random(number).choice(sheets.numbers())

@@ -222,7 +222,7 @@ def test_topics_and_mounting_are_asked_for_when_they_are_not_clear(tmp_path):
         open_source(tmp_path / "x.mcap", Wanted())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     key=st.sampled_from(["ranges_m", "angle_deg", "scan_time_s", "x_m", "y_m", "z_m"]),
     how=st.sampled_from(["drop", "short", "text", "nan", "inf", "huge"]),

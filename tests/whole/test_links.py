@@ -40,6 +40,7 @@ def inputs(tmp_path_factory):
     return Inputs(tmp_path_factory.mktemp("inputs"))
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("command", WRITES)
 def test_links_in_the_places_of_what_is_written(command, inputs, tmp_path):
     """In all places of files a kind that is drawn, or in that of a folder; all: tests/whole/links.py."""
