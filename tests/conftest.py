@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 
+from swath.core.apart import call
 from swath.core.foreign_code import allow_code
 
 # A shell starts what runs in the background with Ctrl-C ignored, and every process that it starts, too.
@@ -86,8 +87,11 @@ DRAW = Figure.draw
 
 
 def pytest_runtest_setup(item):
-    """Figures are made but stay blank, which spares seconds a page: tests marked `drawn` draw them."""
+    """Figures are made but stay blank, which spares seconds a page: tests marked `drawn` draw them. Files of
+    others are read here, which spares the start of a process a folder: tests marked `apart` read as users do.
+    """
     Figure.draw = DRAW if item.get_closest_marker("drawn") else lambda self, renderer: None
+    call.is_apart = item.get_closest_marker("apart") is None
 
 
 def pytest_collection_finish():

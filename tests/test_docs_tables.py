@@ -20,6 +20,7 @@ def test_every_mark_has_its_table():
     assert marks == len({id(row.values[0]) for row in ROWS}) > 1
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(("table", "row"), ROWS)
 def test_a_row_is_what_its_command_gives(table, row):
     try:

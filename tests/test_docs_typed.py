@@ -44,6 +44,7 @@ def test_what_is_cut_or_typed_elsewhere_is_on_a_page_and_has_its_test():
     assert len(typed) > 0.8 * len(lines)
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_a_page_works_from_top_to_bottom(page, tmp_path):
     text = page.read_text(encoding="utf-8")

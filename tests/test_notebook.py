@@ -70,6 +70,7 @@ def test_an_error_is_a_line_not_frames():
     assert all("expected" in line for line in lines)
 
 
+@pytest.mark.draws
 def test_the_notebook_of_the_examples_runs_in_a_kernel(tmp_path):
     """Its scan, run and plot are shown, and its law holds the header end near the line."""
     book = nbformat.read(Path(__file__).parents[1] / "examples" / "notebook.ipynb", as_version=4)

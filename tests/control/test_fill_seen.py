@@ -70,6 +70,7 @@ def filled(level, start, seed):
     return surface.volume / largest_heap(CART.box, SLOPE), spilled / poured
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(
     ("level", "start", "seed"),
     [

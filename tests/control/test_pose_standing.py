@@ -112,6 +112,7 @@ def sets_off(t, pace=3.0):
     return min(max(0.6 * (t - 150.0), 0.0), pace)
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(("machine", "seed"), [(COMBINE, 41), (TRACTOR, 42), (TRACTOR, 43)])
 def test_after_a_long_stand_the_pose_goes_off_with_the_machine(machine, seed):
     """The scale of the wheels is learned while they turn, not from the noise of a speed of 0."""

@@ -17,6 +17,8 @@ from swath.core.apart.plain import HEAD, KIND, Message, MissingField, Plain, rea
 from swath.core.errors import InputError
 from tests import apart_probe
 
+pytestmark = pytest.mark.apart
+
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="nothing confines a process on other systems")
 READING = {"read the file", "read beside it"}
 OF_LANDLOCK = {"read elsewhere", "list elsewhere", "ptrace", "read its environment"}

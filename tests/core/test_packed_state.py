@@ -188,6 +188,7 @@ def everything():
     return found | methods
 
 
+@pytest.mark.draws
 def test_every_class_of_swath_is_refused_or_comes_back_as_plain_data_and_nothing_is_called():
     names, called = everything(), set()
     known = {f"{kind.__module__}:{kind.__qualname__}": kind for kind in packed_state.known_types().values()}

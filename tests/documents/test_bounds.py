@@ -22,6 +22,7 @@ def outcomes():
     return {name: (seconds, peak, said) for name, seconds, peak, said in rows}
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("name", [name for name in BOMBS if name not in SLOW])
 def test_a_small_file_stays_small(outcomes, name):
     seconds, peak, said = outcomes[name]

@@ -102,6 +102,7 @@ def smooth_distance(first, second):
     return np.sqrt(min(r.fun for r in results))
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("kinds", [("box", "box"), ("box", "ellipsoid"), ("ellipsoid", "ellipsoid")])
 def test_distances_are_those_that_an_optimiser_finds(kinds):
     made = {

@@ -19,6 +19,7 @@ def errors(seeds, tmp_path):
             yield seed, delay.seconds - made.delays[delay.machine], made.turns[delay.machine] >= 6
 
 
+@pytest.mark.draws
 def test_a_delay_is_right_or_not_known(tmp_path):
     found = list(errors(range(1000, 1040), tmp_path))
     assert not [(seed, error) for seed, error, _ in found if abs(error) > 2.0]

@@ -230,7 +230,6 @@ def test_what_a_file_beside_states_is_used_and_told(tmp_path):
 
 
 def test_a_dem_far_finer_than_the_field_is_read_by_means(tmp_path, monkeypatch):
-    monkeypatch.setattr("swath.core.apart.call.is_apart", True)  # the number is that of this process
     monkeypatch.setattr("swath.field_io.dem.MOST_READ", 4000)
     error, _ = off(write(tmp_path / "a.tif", heights().astype("f4")))
     assert error < 0.25

@@ -117,6 +117,7 @@ def test_an_old_field_folder_survives_a_failed_import(tmp_path, small, monkeypat
     assert [p.name for p in tmp_path.iterdir()] == ["f"]
 
 
+@pytest.mark.draws
 def test_a_kill_while_files_take_their_places_leaves_no_half_field(tmp_path, small, monkeypatch):
     out, killed, place = tmp_path / "f", tmp_path / "killed", os.replace
     import_log(small / "log.csv", out, columns=small / "map.yaml", progress=False)
@@ -324,6 +325,7 @@ def test_a_point_shapefile_reads_like_the_csv(tmp_path, small):
     assert find_columns(["flow"], tmp_path, None, has_points=True, needs={}).profile == "usual names"
 
 
+@pytest.mark.draws
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     seed=st.integers(0, 2**32),

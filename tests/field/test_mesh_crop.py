@@ -293,7 +293,6 @@ def test_what_cannot_be_a_plant_is_refused_by_name(tmp_path, pairs, files, messa
 
 def test_without_trimesh_the_extra_is_named(tmp_path, monkeypatch):
     path = sheet(tmp_path, one_mesh("new.obj"), new_obj=TETRA)
-    monkeypatch.setattr("swath.core.apart.call.is_apart", True)
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(
         MissingExtra, match=r"reading a mesh needs an optional part: pip install 'swath\[mesh\]'"

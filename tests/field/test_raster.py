@@ -98,6 +98,7 @@ def test_a_geotiff_that_cannot_serve_is_refused(tmp_path):
         assert path.name in str(caught.value)
 
 
+@pytest.mark.draws
 @given(st.binary(max_size=400), st.booleans())
 def test_no_bytes_make_a_traceback(tmp_path_factory, data, tiff_head):
     pytest.importorskip("rasterio")

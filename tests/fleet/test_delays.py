@@ -17,6 +17,7 @@ def schedules():
     return {seed: schedule_of(drawn_job(seed, (0.5, 0.8))) for seed in FLEETS}
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("seed", FLEETS)
 def test_delays_at_any_places_bring_nobody_together(seed, schedules):
     schedule = schedules[seed]

@@ -40,6 +40,7 @@ def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed, level
     assert (found.hole, found.outside, found.hasty) == (0.0, 0.0, 0)
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("seed", [755, 759])
 def test_fields_whose_passes_end_at_a_pond_are_worked(seed):
     schedule = schedule_of(drawn_job(seed, (0.6, 2.5)))
@@ -101,6 +102,7 @@ def test_outlines_of_a_file_come_with_all_polygons_and_holes(tmp_path):
     assert area == pytest.approx(120.0**2, rel=0.03)
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("angle", [17.0, 31.0, 73.0, 180.0])
 def test_a_field_that_is_turned_and_moved_takes_the_same_time(angle, schedules):
     made = schedule_of(turned(drawn_job(131, SMALL), angle, 5000.0))
@@ -163,6 +165,7 @@ def test_a_job_file_names_key_and_line_of_what_is_wrong(tmp_path):
         read_job(str(file))
 
 
+@pytest.mark.draws
 def test_who_is_done_does_not_hold_the_way_of_the_last_grain():
     """All ways of carts to the truck are granted before those of combines to their places."""
     schedule = schedule_of(drawn_job(128, SMALL))

@@ -10,6 +10,8 @@ from tests.fuzz.attack import ACTED, REFUSED
 from tests.fuzz.attacks import ATTACKS, OWN
 from tests.fuzz.command_kinds import run
 
+pytestmark = pytest.mark.apart
+
 for extra in ("rasterio", "trimesh", "asammdf", "can", "fmpy", "rosbags"):
     pytest.importorskip(extra)
 QUICK = [name for name, attack in ATTACKS.items() if attack.is_quick]

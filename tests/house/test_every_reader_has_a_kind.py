@@ -12,6 +12,7 @@ for extra in ("rasterio", "trimesh", "asammdf", "can", "laspy", "openodd", "fmpy
     pytest.importorskip(extra)
 
 
+@pytest.mark.draws
 def test_each_reader_is_come_to():
     """In a process of its own, in which no file was read before."""
     ran = subprocess.run(

@@ -314,7 +314,6 @@ def test_without_the_extra_one_line_says_so(monkeypatch, tmp_path):
     file = tmp_path / "x.fmu"
     with zipfile.ZipFile(file, "w") as made:
         made.writestr("modelDescription.xml", "")
-    monkeypatch.setattr("swath.core.apart.call.is_apart", True)
     monkeypatch.setitem(sys.modules, "fmpy", None)
     with pytest.raises(MissingExtra, match=r"pip install 'swath\[fmi\]'"):
         process_part(file=str(file))

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from swath.record.tracks import read_tracks
 from tests.house.extended import finite
 from tests.link.ros2_rig import LEAKS, domain, needs_ros2  # noqa: F401
@@ -20,6 +22,7 @@ def commands():
     return "".join(re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL))
 
 
+@pytest.mark.draws
 def test_the_tutorial_does_what_it_says(domain, tmp_path):  # noqa: F811
     environment = {k: v for k, v in os.environ.items() if k not in LEAKS}
     environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"

@@ -72,6 +72,7 @@ def needs(motion):
         pytest.importorskip("mujoco", reason="needs the extra `multibody`")
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize(("roughness", "everywhere", "p95"), [("C", 0.99, 0.035), ("D", 0.94, 0.055)])
 def test_holds_its_band_on_rough_ground(motion, roughness, everywhere, p95):
@@ -147,6 +148,7 @@ def on_the_real_field(imported, motion, *sets):
     return m
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_holds_its_band_on_a_real_field(motion, imported):
     """The measured terrain is smooth below some 10 m: with class C on top of it, and as it is."""

@@ -97,6 +97,7 @@ def rays():
     return o, d, enter, leave
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("case", ["flat", "hill", "cut"])
 def test_ranges_agree_with_embree(case):
     options = {

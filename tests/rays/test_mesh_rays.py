@@ -68,6 +68,7 @@ def instances(library):
     return np.concatenate(found)
 
 
+@pytest.mark.draws
 def test_twenty_thousand_instances_on_100_m2_agree_with_embree(tmp_path):
     """One prototype on every tile, unmirrored: a tile's plants go on beyond its sides, so both see the same.
 

@@ -163,7 +163,6 @@ def test_arithmetic_of_a_file_is_computed(tmp_path, nesting):
 
 def test_nothing_of_a_file_reaches_what_makes_code(tmp_path, monkeypatch):
     """Should the look through conversions ever miss one."""
-    monkeypatch.setattr("swath.core.apart.call.is_apart", True)
     monkeypatch.setattr("swath.field_io.logs.channels._without_arithmetic", lambda mdf: set())
     acted = tmp_path / "ACTED"
     for nesting in NESTINGS:

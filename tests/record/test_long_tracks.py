@@ -97,6 +97,7 @@ def test_tracks_that_do_not_fit_name_their_file_and_leave_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("use", ["write", "show", "read"])
 def test_four_times_the_rows_take_no_more_memory(tmp_path, use):
     peaks, whole = [], []

@@ -108,6 +108,7 @@ def test_a_damaged_file_is_read_or_refused_by_name(whole, places):
     assert all(note.startswith((CUT_OFF, BROKEN, DAMAGED)) for note in log.notes)
 
 
+@pytest.mark.draws
 @given(data=st.binary(max_size=400), name=st.sampled_from(["x.mcap", "x.bag", "x.db3", "x", "run/run.mcap"]))
 @MANY
 def test_garbage_is_refused_by_name(tmp_path_factory, data, name):
@@ -121,6 +122,7 @@ def test_garbage_is_refused_by_name(tmp_path_factory, data, name):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.draws
 @given(data=st.binary(min_size=1, max_size=300), form=st.sampled_from([b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"]))
 @MANY
 def test_garbage_behind_a_good_beginning(tmp_path_factory, data, form):

@@ -157,6 +157,7 @@ def much_longer(run, out, rows):
     return out
 
 
+@pytest.mark.draws
 def test_the_page_of_a_run_four_times_as_long_takes_no_more_memory_and_tells_the_same(finished, tmp_path):
     run, world = finished
     peaks = []

@@ -83,6 +83,7 @@ def agreement(crop, density, sensor, pitch, *sets):
     return compare(np.concatenate(model), np.concatenate(real))
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("density", [200, 400, 600])
 @pytest.mark.parametrize("sensor", ["sick-lms511-hr", "sick-lms111"])
 def test_measured_heights_agree_with_plants(density, sensor):

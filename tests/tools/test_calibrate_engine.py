@@ -83,6 +83,7 @@ def test_what_cannot_be_fitted_is_named(made, tmp_path, capsys):
     assert "--resamples = 1: expected 10 to 100000" in capsys.readouterr().err
 
 
+@pytest.mark.draws
 @pytest.mark.skipif(not WHEAT.is_file(), reason="needs the Montana yield logs: SWATH_DATA")
 def test_shipped_numbers_and_those_fitted_on_others_predict_the_combines_of_2018():
     """Load and fuel of machines that nothing was fitted to. Machine 3 is worst: R2 0.48, 0.57 by itself."""

@@ -34,6 +34,7 @@ def table_of(folder, runs):
     return write_table(folder, results_of(folder / "journal", [run.id for run in runs])).read_bytes()
 
 
+@pytest.mark.draws
 @pytest.mark.filterwarnings("ignore")
 def test_a_killed_worker_loses_no_run_and_changes_no_byte(tmp_path, monkeypatch):
     """One worker is killed from outside, and one run kills every worker that it is given."""

@@ -252,6 +252,7 @@ def harvest():
     return compare_log("forage-harvester", log, drive=CHOPPED, alternate=True)
 
 
+@pytest.mark.draws
 @forage
 def test_engine_speed_over_load_is_that_of_the_forage_harvester(harvest):
     mask = harvest.parts["even stretches"]

@@ -102,6 +102,7 @@ def none(result):
     """For each new result."""
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(
     "name",
     ["half space, 2", "half space, 6", "sum of uniform, 2", "corner, 2", "two regions, 2", "four corners, 2"],

@@ -173,6 +173,7 @@ def test_the_command_does_runs_in_step_and_goes_on_where_it_was(case_file, tmp_p
     assert (out / "results.parquet").read_bytes() == write_table(tmp_path, alone).read_bytes()
 
 
+@pytest.mark.draws
 def test_a_run_that_kills_its_process_costs_none_beside_it(case_file, tmp_path):
     (tmp_path / "kills.py").write_text(KILLS, encoding="utf-8")
     sets = f'combine.edge={{"level": "{tmp_path}/kills.py:Kills"}}'

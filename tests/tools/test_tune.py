@@ -117,6 +117,7 @@ def test_a_planted_optimum_is_found_proven_and_handed_on(case_file, drives, tmp_
     ).read_text(encoding="utf-8")
 
 
+@pytest.mark.draws
 def test_the_interval_on_unseen_draws_holds_the_true_gain(case_file, drives, tmp_path):
     held = 0
     for draw in range(1, 9):

@@ -185,6 +185,7 @@ def test_a_box_that_falls_silent_releases_the_steering_and_is_noted(monkeypatch)
     ]
 
 
+@pytest.mark.draws
 def test_the_commands_of_the_tutorial_run(port, tmp_path):
     text = (ROOT / "docs" / "how-to" / "hil.md").read_text(encoding="utf-8")
     commands = "\n".join(re.findall(r"```sh\n(.*?)```", text, flags=re.S)).replace("swath new examples\n", "")

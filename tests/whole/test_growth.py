@@ -72,10 +72,8 @@ def test_variables_of_an_fmu_have_a_number(tmp_path, monkeypatch):
     pytest.importorskip("fmpy")
     import zipfile
 
-    from swath.core.apart import call
     from swath.link.fmi import description
 
-    monkeypatch.setattr(call, "is_apart", True)  # the number is that of this process
     monkeypatch.setattr(description, "MOST_VARIABLES", 200)
     text = '<ScalarVariable name="v{0}" valueReference="{0}" causality="output"><Real/></ScalarVariable>'
     for count in (200, 201):

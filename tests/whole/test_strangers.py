@@ -17,6 +17,8 @@ from swath.runtime.job import run_job
 from swath.runtime.saves import Saves
 from swath.scenario.scenario import parse_scenario
 
+pytestmark = pytest.mark.apart
+
 HEAD = """
 format: swath scenario 2
 name: foreign
@@ -212,6 +214,7 @@ def run_all(folder, lines, monkeypatch, capfd):
             assert code in (0, 1, 2, 3), (command, line, said)
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("kind", KINDS)
 def test_run_folders_run_no_code_in_any_command(kind, ran, tmp_path, monkeypatch, capfd):
     folder = Folder(tmp_path, kind, ran)
@@ -221,6 +224,7 @@ def test_run_folders_run_no_code_in_any_command(kind, ran, tmp_path, monkeypatch
     run_all(folder, lines, monkeypatch, capfd)
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("kind", [k for k in KINDS if k != "recorded change"])
 def test_scenarios_and_cases_run_no_code_in_any_command(kind, ran, tmp_path, monkeypatch, capfd):
     folder = Folder(tmp_path, kind, ran)

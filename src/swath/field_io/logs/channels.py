@@ -431,7 +431,7 @@ def _logged(path: Path) -> Iterator[Frame]:
     with Extra("can", "reading frames"):
         import can
         from can.io import blf
-    vars(blf).update(zlib=SimpleNamespace(decompressobj=_Bounded))
+    vars(blf).update(zlib=SimpleNamespace(**{**vars(zlib), "decompressobj": _Bounded}))
     with open_to_read(path, "log", "a log of frames") as file:
         is_text = kind_of(path) == "ASC"
         reader: Any = can.ASCReader(TextIOWrapper(file)) if is_text else can.BLFReader(file)
