@@ -386,3 +386,19 @@ def test_what_is_no_measurement_is_named_by_its_ending(tmp_path):
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")  # of a run that lost its data
     with pytest.raises(InputError, match="it holds no such file"):
         open_log(tmp_path)
+
+
+@pytest.mark.parametrize("late", [1e11, 1e300, float("inf"), float("nan"), -1e30])
+def test_samples_of_another_century_are_left_out_and_counted(late, tmp_path):
+    from asammdf import MDF, Signal
+
+    t = np.array([0.0, 1.0, 2.0, late])
+    with MDF(version="4.10") as mdf:
+        mdf.append([Signal(np.arange(4.0), t, name="Speed", unit="m/s")])
+        mdf.save(tmp_path / "log.mf4")
+    log = open_channels(tmp_path / "log.mf4")
+    ((_, times, values),) = log.blocks(["Speed"])
+    assert times.tolist() == [0, 10**9, 2 * 10**9]
+    assert values.tolist() == [0.0, 1.0, 2.0]
+    assert log.notes == {"samples of another century": 1}
+    assert (log.begin, log.end) == (0, 0)  # the last one says nothing

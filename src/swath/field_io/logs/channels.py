@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 Block = tuple[str, NDArray[np.int64], Array]  # channel, times [ns] since the log began, values in its unit
 Frame = tuple[int, int, bool, bytes]  # time [ns] since the log began, identifier, whether of 29 bits, data
 FRAGMENT = 4 << 20  # bytes of an MF4 file in memory at a time
+LATEST, NEVER = 1 << 62, 3 << 61  # [ns], the first 146 years
+TOO_LATE = "samples of another century"
 FRAMES = 1 << 16  # decoded frames in memory at a time
 VARIABLES = ("X", "P1", "P2", "P3", "P4", "P5", "P6")  # of conversions, as asammdf calls them
 NO_ARITHMETIC = "its conversion, or that of its time, is a formula other than arithmetic"
@@ -191,7 +193,8 @@ class Mf4:
                 starts.append(_ns(mdf.get_master(group, record_count=1))[0])
                 last = mdf.get_master(group, record_offset=_count(mdf, group) - 1, record_count=1)
                 ends.append(_ns(last)[-1])
-        self.begin, self.end = int(min(starts[1:], default=0)), int(max(ends))
+        self.begin = int(min((t for t in starts[1:] if t <= LATEST), default=0))
+        self.end = int(max(t for t in ends if t <= LATEST))
 
     def blocks(self, wanted: Collection[str]) -> Iterator[Block]:
         """The samples of some channels, those of each in the order of time."""
@@ -225,7 +228,11 @@ class Mf4:
                 if values.dtype.kind not in "biuf":  # a table of words
                     values = np.full(len(values), np.nan)
                     self.notes[f"{name} says words, not numbers"] = 1
-                rows.append((name, _ns(signal.timestamps), values.astype(float)))
+                t = _ns(signal.timestamps)
+                known = t <= LATEST
+                if not known.all():
+                    self.notes[TOO_LATE] = self.notes.get(TOO_LATE, 0) + int((~known).sum())
+                rows.append((name, t[known], values[known].astype(float)))
             yield rows
 
 
@@ -306,7 +313,9 @@ class Bus:
         """Frames, and messages of several frames in the place of their last one."""
         transport = Transport()
         for t, identifier, is_long, data in self._of_file():
-            if is_long and identifier >> 8 & 0x3FF00 in (TRANSPORT, TRANSPORT_DATA):
+            if abs(t) > LATEST:
+                self.notes[TOO_LATE] = self.notes.get(TOO_LATE, 0) + 1
+            elif is_long and identifier >> 8 & 0x3FF00 in (TRANSPORT, TRANSPORT_DATA):
                 if (whole := transport.take(identifier, data)) is not None:
                     yield t, whole[0], True, whole[1]
             else:
@@ -387,7 +396,11 @@ def _count(mdf: Any, group: int) -> int:
 
 
 def _ns(seconds: Any) -> NDArray[np.int64]:
-    return np.asarray(np.round(np.asarray(seconds, float) * 1e9), np.int64)
+    """Times [ns]; NEVER for those that no file can mean."""
+    given = np.asarray(seconds, float)
+    known = np.abs(given) <= LATEST * 1e-9
+    ns = np.round(np.where(known, given, 0.0) * 1e9).astype(np.int64)
+    return np.where(known, ns, NEVER)
 
 
 def _with_short_signals(text: str) -> str:
