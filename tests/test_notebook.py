@@ -75,7 +75,7 @@ def test_the_notebook_of_the_examples_runs_in_a_kernel(tmp_path):
     """Its scan, run and plot are shown, and its law holds the header end near the line."""
     book = nbformat.read(Path(__file__).parents[1] / "examples" / "notebook.ipynb", as_version=4)
     where = {"metadata": {"path": str(tmp_path)}}
-    nbclient.NotebookClient(book, timeout=600, startup_timeout=300, resources=where).execute()
+    nbclient.NotebookClient(book, timeout=600, startup_timeout=600, resources=where).execute()
     shown = [out.get("data", {}) for cell in book.cells for out in cell.get("outputs", [])]
     scan, run, plot = (data for data in shown if data)
     assert "data:image/png;base64," in scan["text/html"]

@@ -43,7 +43,7 @@ def device(address, signal, *, origin=None, range_max=40.0, period=0.04, factor=
     return made
 
 
-def until(condition, seconds=5.0):
+def until(condition, seconds=300.0):
     """Wait for something that another thread does."""
     end = time.monotonic() + seconds
     while not condition():

@@ -35,7 +35,7 @@ def closed(flags, sets):
     with subprocess.Popen(box, stdout=subprocess.PIPE, text=True, env=env) as process:
         try:
             summary = run_unrecorded(load_scenario(EXAMPLES / "wire.yaml", sets=sets))
-            said = process.communicate(timeout=20)[0]
+            said = process.communicate(timeout=600)[0]
         finally:
             process.kill()
     return summary, said

@@ -99,6 +99,6 @@ sys.meta_path.insert(0, Absent())
 from swath.commands.main import main
 sys.exit(main(["fmu", "show", {fmu!r}]) or main(["fmu", "check", {fmu!r}, "--allow-code"]))
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "it can fill a slot" in done.stdout

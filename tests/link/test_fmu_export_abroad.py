@@ -137,7 +137,7 @@ run.step(150)
 load = [refs["load.tank_grain"], refs["load.held_grain"], refs["load.lost_grain"]]
 print([repr(x) for x in eye.last_real_values(slave_index=fmu, variable_references=load)])
 """
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
     host = Host(fmus[2])
     here = load_steadily(host)
     host.close()
@@ -209,7 +209,7 @@ exec(compile(text, name, "exec"), space)
 assert "Fmi{version}Slave" in repr(space["Swath"].__mro__)
 space["Swath"](instance_name="a", resources="b")
 """
-        told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+        told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
         assert "RuntimeError: this FMU needs swath" in told.stderr, told.stderr
         assert sys.executable in told.stderr
 
@@ -290,9 +290,9 @@ def test_a_program_that_is_no_python_runs_it_by_the_line_that_export_prints(tmp_
     resources = f"{tmp_path}/fmu/resources/"
     command = f"{line.removesuffix('PROGRAM')}{program} {binary} '{token}' {resources}"
     bare = {"PATH": os.environ["PATH"], "HOME": str(tmp_path)}
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, env=bare, timeout=120)
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, env=bare, timeout=600)
     assert "status 0 0 0" in done.stdout, done.stdout + done.stderr
     alone = subprocess.run(
-        [program, binary, token, resources], capture_output=True, text=True, env=bare, timeout=60
+        [program, binary, token, resources], capture_output=True, text=True, env=bare, timeout=600
     )
     assert alone.returncode != 0  # without that line

@@ -62,7 +62,7 @@ def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, brid
     scenario = parse_scenario(TEXT)
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
         summary = run_job(scenario, out, hooks=[bridge]).summary
-        listener.communicate("", timeout=60)
+        listener.communicate("", timeout=600)
     found = json.loads(report.read_text())
     assert found["reply"] == "running at 0 s"
     for topic, hashes in found["got"].items():
@@ -129,7 +129,7 @@ def test_radar_pose_objects_and_commands_are_those_in_the_file(domain, bridge, t
     pairs = [f"{topic}={kind}" for topic, (kind, _) in listened.items()]
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
         run_job(parse_scenario(TEXT, sets=sets), out, hooks=[bridge])
-        listener.communicate("", timeout=60)
+        listener.communicate("", timeout=600)
     got = json.loads(report.read_text())["got"]
     for topic, (_, count) in listened.items():
         sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
@@ -145,7 +145,7 @@ def test_images_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
     pairs = [f"{topic}={kind}" for topic, kind in listened.items()]
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
         run_job(parse_scenario(TEXT, sets=sets), out, hooks=[bridge])
-        listener.communicate("", timeout=60)
+        listener.communicate("", timeout=600)
     got = json.loads(report.read_text())["got"]
     assert set(got) == set(listened)
     for topic, hashes in got.items():
@@ -162,7 +162,7 @@ def test_two_scanners_are_published_under_their_own_names_and_frames(domain, bri
     pairs = [f"/combine/{side}/scan=sensor_msgs/LaserScan" for side in sides]
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
         run_job(scenario, out, hooks=[bridge])
-        listener.communicate("", timeout=60)
+        listener.communicate("", timeout=600)
     got = json.loads(report.read_text())["got"]
     for side in sides:
         sent = [(t, data) for t, data in recorded(out, f"/combine/{side}/scan") if t > 0]
@@ -266,7 +266,7 @@ def test_a_recorded_run_is_published_again(domain, tmp_path):  # noqa: F811
     with node(HERE / "ros2_listener.py", report, "--no-pause", *pairs, stdin=subprocess.PIPE) as listener:
         run_job(parse_scenario(TEXT, sets=["run.max_duration_s=1"]), out)
         count = play(out / "run.mcap", factor=0.5, wait_s=4.0)
-        listener.communicate("", timeout=60)
+        listener.communicate("", timeout=600)
     found = json.loads(report.read_text())
     assert count > 120
     for topic, hashes in found["got"].items():

@@ -77,7 +77,7 @@ def test_where_the_package_is_built_its_types_travel_as_recorded(domain, monkeyp
         node("-c", RUN, out, also=offered) as run,
     ):
         assert run.wait(120) == 0
-        heard.communicate("", timeout=60)
+        heard.communicate("", timeout=600)
     for topic, got in json.loads(report.read_text())["got"].items():
         with (out / "run.mcap").open("rb") as file:
             sent = [m for _, _, m in make_reader(file).iter_messages(topics=[topic]) if m.log_time > 0]

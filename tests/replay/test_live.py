@@ -167,7 +167,7 @@ def watched(tmp_path_factory):
     kept = Scans()
     going = Going(tmp_path_factory.mktemp("runs") / "watched", keep=[kept])
     first, second = Watcher(going.view), Watcher(going.view)
-    with urllib.request.urlopen(going.view.address, timeout=60) as answer:
+    with urllib.request.urlopen(going.view.address, timeout=600) as answer:
         page = answer.read()
     assert first.is_there.wait(60)
     assert second.is_there.wait(60)
@@ -314,7 +314,7 @@ def test_no_one_else_comes_in(tmp_path):
             (view.address, {"Host": "else.example"}),
         ):
             with pytest.raises(urllib.error.HTTPError) as error:
-                urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=20)
+                urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=600)
             error.value.close()
             assert error.value.code == 403
         assert view._server._server.socket.getsockname()[0] == "127.0.0.1"

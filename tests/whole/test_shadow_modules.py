@@ -79,7 +79,7 @@ def stranger(tmp_path):
 
 def run_in(folder, *words, code=0):
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONSAFEPATH")}
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=300, env=environment)
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=600, env=environment)
     assert done.returncode == code, done.stderr[-2000:]
     return done.stdout + done.stderr
 
@@ -190,7 +190,7 @@ def test_a_started_python_has_no_folder_on_its_path_and_the_users_environment(py
     if given is None:
         environment.pop("PYTHONSAFEPATH", None)
     done = subprocess.run(
-        [python, str(probe)], cwd=folder, env=environment, capture_output=True, text=True, timeout=60
+        [python, str(probe)], cwd=folder, env=environment, capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout.splitlines()[0]) == [[True, given], given]
