@@ -56,6 +56,7 @@ def turn(motion, speed, steer):
     return end, float(np.interp(math.pi / 6, turned, aside))
 
 
+@cache
 def follows_like_the_kinematic_one(limit):
     """The trailer's distance inside of the tractor's circle of about 15 m, at 1 m/s."""
     off = []

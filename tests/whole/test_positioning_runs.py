@@ -164,7 +164,7 @@ def test_a_receiver_of_somebody_elses_bag_feeds_a_pose(tmp_path, capsys, level, 
     )
     file, out = tmp_path / "foreign.yaml", tmp_path / "out"
     file.write_text(FOREIGN.replace("LEVEL", level).replace("PLACE", place))
-    assert main(["run", str(file), "--out", str(out)]) == 0
+    assert main(["run", str(file), "--out", str(out), "--no-report", "--no-replay"]) == 0
     tracks = read_tracks(out / "tracks.parquet")
     error = np.hypot(tracks["pose_x_m"] - tracks["x_m"], tracks["pose_y_m"] - tracks["y_m"])
     known = np.isfinite(error)
