@@ -25,6 +25,7 @@ check: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tests.durations check
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py --out $(OUT)/bench
