@@ -78,7 +78,6 @@ FIRST = (  # kinds that come to all of it in the least time; the others are read
     "task-plan",
     "job-results",
     "odd",
-    "plan",
     "lines-geojson",
     "events",
     "body-sdf",
