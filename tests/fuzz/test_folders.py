@@ -10,7 +10,7 @@ from swath.tools.function_test.session import begin, open_session
 from swath.tools.function_test.stored_line import read_line
 from tests.fuzz.folders import Folders, command, verdict
 
-EDITS = 15
+EDITS = 24
 
 
 @pytest.fixture(scope="module")

@@ -41,9 +41,9 @@ def inputs(tmp_path_factory):
 
 
 @pytest.mark.draws
-@pytest.mark.parametrize("command", [*WRITES][::3])
+@pytest.mark.parametrize("command", WRITES)
 def test_links_in_the_places_of_what_is_written(command, inputs, tmp_path):
-    """Every third command, a drawn kind in all places of files, or of a folder; all: tests/whole/links.py."""
+    """In all places of files a kind that is drawn, or in that of a folder; all: tests/whole/links.py."""
     written, rng = Written(command, tmp_path, inputs), random.Random(command)
     if written.folders and rng.random() < 0.4:
         written.attempt({rng.choice(written.folders): rng.choice(("symbolic", "dangling", "folder"))})
