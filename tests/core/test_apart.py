@@ -126,6 +126,14 @@ def test_a_folder_that_is_made_anew_is_read(tmp_path, fresh):
             with pytest.raises(InputError, match="empty"):
                 apart_probe.content(path)
     assert len([p for p in call._alive if p.is_alive]) == 1
+    (first,) = (p for p in call._alive if p.is_alive)
+    first.may_read = False
+    assert apart_probe.content(path) == b"third"
+    first.may_read = True  # two for a folder, as readers with other libraries have
+    path.parent.rename(tmp_path / "was third")
+    path.parent.mkdir()
+    path.write_bytes(b"fourth")
+    assert apart_probe.content(path) == b"fourth"
 
 
 def test_a_file_of_our_own_is_read_here(log, fresh):
@@ -222,8 +230,9 @@ def test_many_messages_come_back_as_they_were():
             x=(float("nan"), 1e300, -0.0)[k % 3], large=2**64 - 1 - k, is_text=np.array(["x"]),
         )  # fmt: skip
         messages += [("/fix", 10**18 + k, fix), ("/stamp", k, header), ("/empty", -k, EMPTY())]
+    mixed = [("/one", k, with_fields(EMPTY, x=(1, 0.5)[k], ok=(1, True)[k])) for k in range(2)]
     one = [("/one", k, with_fields(EMPTY, only=np.full(9000, k))) for k in range(3)]
-    for group in (messages, messages[:1], one, [("/empty", 0, EMPTY())] * 3, [], [1, ("a", 2, 3)]):
+    for group in (messages, messages[:1], one, mixed, [("/empty", 0, EMPTY())] * 3, [], [1, ("a", 2, 3)]):
         back = there_and_back(group, say=Plain.many)
         assert len(back) == len(group)
         for given, found in zip(group, back, strict=True):

@@ -400,5 +400,5 @@ def test_samples_of_another_century_are_left_out_and_counted(late, tmp_path):
     ((_, times, values),) = log.blocks(["Speed"])
     assert times.tolist() == [0, 10**9, 2 * 10**9]
     assert values.tolist() == [0.0, 1.0, 2.0]
-    assert log.notes == {"samples of another century": 1}
+    assert log.notes == {"samples more than 146 years from the first, left out": 1}
     assert (log.begin, log.end) == (0, 0)  # the last one says nothing

@@ -77,13 +77,13 @@ def apart(
             classes = {kind.__qualname__: kind for kind in records}
             size = _size(path)
             request, place = ("call", name, args, kwargs), _Place(key, what, path, size, classes)
-            process = _process_for(path, size, (reader.__module__, *libraries))
-            try:
-                found: R = process.ask(request, place)
-            except _Elsewhere:
-                process.may_read = False
-                found = _process_for(path, size, (reader.__module__, *libraries)).ask(request, place)
-            return found
+            while True:
+                process = _process_for(path, size, (reader.__module__, *libraries))
+                try:
+                    found: R = process.ask(request, place)
+                    return found
+                except _Elsewhere:  # never of a new one
+                    process.may_read = False
 
         vars(called).update(kept=tuple(kept))
         return called

@@ -150,7 +150,8 @@ def _form(message: Any, prefix: str, paths: list[str]) -> list[Any]:
 
 def _column(values: tuple[Any, ...]) -> Any:
     """An array of numbers, or of arrays that are alike; else the values."""
-    if (number := NUMBERS.get(type(values[0]))) is not None:
+    kinds = set(map(type, values))
+    if len(kinds) == 1 and (number := NUMBERS.get(kinds.pop())) is not None:
         with suppress(OverflowError):
             return np.array(values, number)
     if isinstance(values[0], np.ndarray) and len({(each.dtype.str, each.shape) for each in values}) == 1:
