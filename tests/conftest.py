@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from swath.core.apart import call
 from swath.core.foreign_code import allow_code
+from tests.driven import Driven
 
 # A shell starts what runs in the background with Ctrl-C ignored, and every process that it starts, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -98,6 +99,21 @@ def pytest_collection_finish():
     """Modules and tests stay to the end: full collections need not look through them, 3 % of the time."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session")
+def driven(tmp_path_factory):
+    """Folders of runs that are driven once for all workers: `driven("straight", "run.distance_m=20")`."""
+    own = tmp_path_factory.getbasetemp()
+    return Driven((own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "driven")
+
+
+@pytest.fixture(autouse=True)
+def _driven_stays(request):
+    """Who writes into a shared folder fails."""
+    yield
+    if "driven" in request.fixturenames:
+        request.getfixturevalue("driven").check()
 
 
 @pytest.fixture
