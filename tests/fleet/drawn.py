@@ -1,6 +1,7 @@
 """Drawn jobs: outlines, machines and crops that nobody chose."""
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -13,8 +14,16 @@ from swath.fleet.files import (
     TruckSettings,
 )
 from swath.fleet.ground import shapely_here
+from swath.fleet.schedule import Schedule, schedule_of
 
 CORNER = math.radians(40.0)  # least of an outline
+SMALL = (0.5, 1.0)  # ha
+
+
+@cache
+def scheduled(seed: int, hectares: tuple[float, float] = SMALL) -> Schedule:
+    """The schedule of a drawn job, made once for all tests that read it."""
+    return schedule_of(drawn_job(seed, hectares))
 
 
 def drawn_job(seed: int, hectares: tuple[float, float] = (1.0, 6.0)) -> JobFile:

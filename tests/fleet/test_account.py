@@ -32,7 +32,7 @@ from swath.fleet.worked import (
     used,
 )
 from tests.fleet.check import over_each_other
-from tests.fleet.drawn import drawn_job
+from tests.fleet.drawn import drawn_job, scheduled
 from tests.replay.browser import Browser, NoBrowser
 
 LEVELS = ("events", "driven")
@@ -40,7 +40,7 @@ LEVELS = ("events", "driven")
 
 @pytest.fixture(scope="module")
 def done():
-    schedule = schedule_of(drawn_job(130, (0.5, 1.0)))
+    schedule = scheduled(130)
     return {"events": by_events(schedule), "driven": driven(schedule)}
 
 

@@ -19,20 +19,13 @@ from swath.fleet.schedule import Scheduler, schedule_of
 from swath.fleet.worked import by_events
 from tests.fleet.changed import mirrored, turned
 from tests.fleet.check import looked_at
-from tests.fleet.drawn import drawn_job
-
-SMALL = (0.5, 1.0)  # ha
-
-
-@pytest.fixture(scope="module")
-def schedules():
-    return {seed: schedule_of(drawn_job(seed, SMALL)) for seed in (130, 131)}
+from tests.fleet.drawn import SMALL, drawn_job, scheduled
 
 
 @pytest.mark.parametrize("level", ["planned", "driven"])
 @pytest.mark.parametrize("seed", [130, 131])
-def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed, level, schedules):
-    schedule = schedules[seed]
+def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed, level):
+    schedule = scheduled(seed)
     found = looked_at(schedule, driven(schedule) if level == "driven" else None)
     assert found.contact == {}
     assert found.left < 0.005
@@ -49,19 +42,19 @@ def test_fields_whose_passes_end_at_a_pond_are_worked(seed):
     assert found.left < 0.005
 
 
-def test_driven_bodies_keep_to_their_paths_and_say_what_they_do_all_the_time(schedules):
-    worked = driven(schedules[130])
+def test_driven_bodies_keep_to_their_paths_and_say_what_they_do_all_the_time():
+    worked = driven(scheduled(130))
     assert worked.stray < 0.02
     for spans in worked.spans.values():
         assert spans[0].begin == 0.0
         assert all(a.end == pytest.approx(b.begin) for a, b in pairwise(spans))
         assert all(s.reason for s in spans if s.state == "wait")
-    assert driven(schedules[130]).ends == worked.ends
+    assert driven(scheduled(130)).ends == worked.ends
 
 
-def test_a_result_holds_the_timeline_and_why_machines_waited(schedules, tmp_path):
-    ends = by_events(schedules[130]).ends
-    worked = by_events(replace(schedules[130], bound=ends / 1.25))
+def test_a_result_holds_the_timeline_and_why_machines_waited(tmp_path):
+    ends = by_events(scheduled(130)).ends
+    worked = by_events(replace(scheduled(130), bound=ends / 1.25))
     write_result(worked, "drawn", "a drawn job", tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     assert page.index("(gap 25 %)") < page.index('href="replay.html"') < page.index("<section")
@@ -104,19 +97,19 @@ def test_outlines_of_a_file_come_with_all_polygons_and_holes(tmp_path):
 
 @pytest.mark.draws
 @pytest.mark.parametrize("angle", [17.0, 31.0, 73.0, 180.0])
-def test_a_field_that_is_turned_and_moved_takes_the_same_time(angle, schedules):
+def test_a_field_that_is_turned_and_moved_takes_the_same_time(angle):
     made = schedule_of(turned(drawn_job(131, SMALL), angle, 5000.0))
-    assert made.ends == pytest.approx(schedules[131].ends, rel=0.002)
-    assert driven(made).ends == pytest.approx(driven(schedules[131]).ends, rel=0.002)
+    assert made.ends == pytest.approx(scheduled(131).ends, rel=0.002)
+    assert driven(made).ends == pytest.approx(driven(scheduled(131)).ends, rel=0.002)
 
 
-def test_a_field_that_is_mirrored_with_its_pipes_takes_the_same_time(schedules):
+def test_a_field_that_is_mirrored_with_its_pipes_takes_the_same_time():
     made = schedule_of(mirrored(drawn_job(131, SMALL)))
-    one, two = driven(schedules[131]), driven(made)
-    assert made.ends == pytest.approx(schedules[131].ends, rel=0.002)
+    one, two = driven(scheduled(131)), driven(made)
+    assert made.ends == pytest.approx(scheduled(131).ends, rel=0.002)
     assert two.ends == pytest.approx(one.ends, rel=0.002)
     for name, way in one.places.items():  # on the map, each is where the other one is in a mirror
-        there = schedules[131].ground.frame.to_map(way[:, :2])
+        there = scheduled(131).ground.frame.to_map(way[:, :2])
         here = made.ground.frame.to_map(two.places[name][:, :2])
         if len(here) == len(there):
             assert here * (1.0, -1.0) == pytest.approx(there, abs=0.01)

@@ -33,7 +33,12 @@ def test_figures_of_the_measured_tracks_are_those_of_their_summary():
 
 @measured_or_skip
 @pytest.mark.parametrize(
-    ("made", "off"), [(in_closed_loop, 0.10), (with_clothoids, 0.15), (rolled_through, 0.15)]
+    ("made", "off"),
+    [
+        pytest.param(in_closed_loop, 0.10, marks=pytest.mark.draws),
+        (with_clothoids, 0.15),
+        (rolled_through, 0.15),
+    ],
 )
 def test_turns_are_as_long_as_the_measured_ones(made, off):
     turns = rolling_turns()

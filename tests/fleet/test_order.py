@@ -7,11 +7,10 @@ import pytest
 
 from swath.fleet.driven import Grants
 from swath.fleet.machines import Drive, Place, body_of
-from swath.fleet.schedule import schedule_of
 from swath.fleet.table import Table, order_of, segments, standing
 from swath.fleet.ways import straight, times_along
 from swath.machine.machine_sheet import load_machine
-from tests.fleet.drawn import drawn_job
+from tests.fleet.drawn import scheduled
 
 BODY = body_of(load_machine("grain-truck"))
 DRIVE = Drive(8.0, 2.0, 3.0, 1.0, 0.5, 2.0)
@@ -91,14 +90,9 @@ def test_a_circle_is_refused():
         order_of(table)
 
 
-@pytest.fixture(scope="module")
-def schedule():
-    return schedule_of(drawn_job(130, (0.5, 1.0)))
-
-
-def test_ten_thousand_draws_of_delays_bring_nobody_together(schedule):
+def test_ten_thousand_draws_of_delays_bring_nobody_together():
     """Every pair of segments that share ground, in the planned order, under delays of up to 600 s."""
-    table = schedule.table
+    table = scheduled(130).table
     order = order_of(table)
     rng = np.random.default_rng(1)
     pairs = shared(table)
@@ -127,16 +121,17 @@ def shared(table):
     return np.array(sorted(found))
 
 
-def test_planned_times_are_those_of_the_order(schedule):
+def test_planned_times_are_those_of_the_order():
+    schedule = scheduled(130)
     into = order_of(schedule.table).times(order_of(schedule.table).spent[:, None])[:, 0]
     planned = np.array([s.into for s in schedule.table.segments])
     assert (into <= planned + 1e-6).all()  # a cart may be early where its combine was not asked to wait
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.4])
-def test_machines_that_drive_as_granted_all_arrive_though_messages_are_lost(schedule, lost):
+def test_machines_that_drive_as_granted_all_arrive_though_messages_are_lost(lost):
     """Each second each machine says where it is and what it wants; some of that is lost or comes later."""
-    table, rng = schedule.table, np.random.default_rng(2)
+    table, rng = scheduled(130).table, np.random.default_rng(2)
     grants, held, at = Grants(order_of(table)), {}, {}
     pairs = shared(table)
     before = {b: [a for a, c in pairs if c == b] for b in {b for _, b in pairs.tolist()}}

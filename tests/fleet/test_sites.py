@@ -60,14 +60,14 @@ def test_parts_that_a_way_joins_are_worked_and_machines_keep_to_it():
 
 
 def test_machines_leave_by_the_gate_and_along_the_way_that_a_job_says():
-    way = [(45.0, -20.0), (-30.0, -45.0), (-200.0, -40.0), (-220.0, 20.0)]
-    truck = TruckSettings(-220.0, 20.0, gate_m=(45.0, -5.0))
+    way = [(45.0, -20.0), (-30.0, -45.0), (-150.0, -40.0), (-160.0, 20.0)]
+    truck = TruckSettings(-160.0, 20.0, gate_m=(45.0, -5.0))
     job = job_of(FieldSettings(RING, ways_m=[way]), truck)
     made = schedule_of(job)
     assert made.ground.frame.to_map([made.ground.gate]) == pytest.approx(np.array([[45.0, 0.0]]), abs=0.01)
     assert made.delivered == pytest.approx(made.harvested)
     far = np.concatenate([made.ground.frame.to_map(s.path.track.places[:, :2]) for s in made.table.segments])
-    out = far[(far[:, 0] < -70.0) & (far[:, 0] > -150.0)]
+    out = far[(far[:, 0] < -70.0) & (far[:, 0] > -120.0)]
     assert len(out)
     assert out[:, 1].max() < -25.0
     assert not [n for n in made.ground.notes if "ways_m" in n]
