@@ -249,7 +249,7 @@ def _is_own(folder: Path) -> bool:
 def _own_temporary() -> Path:
     """A folder in the system's temporary one that nobody else can write to."""
     folder = Path(tempfile.gettempdir()) / f"swath-warp-{os.getuid() if hasattr(os, 'getuid') else -1}"
-    is_good = not folder.is_symlink() and _is_usable(folder)
+    is_good = not os.path.islink(folder) and _is_usable(folder)
     return folder if is_good else _aside().path
 
 

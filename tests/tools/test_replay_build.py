@@ -1,5 +1,7 @@
 """From measured scans to a grid: sources, cells, ground, files; and the real scans of a vineyard."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -518,3 +520,13 @@ def test_ground_that_nobody_saw_is_filled_ring_by_ring(seed):
     while np.isnan(slow).any():
         slow = np.where(np.isnan(slow), around(slow), slow)
     np.testing.assert_allclose(grown(field), slow, rtol=1e-12, atol=1e-12)
+
+
+def test_means_around_nodes_of_a_wide_lattice_are_taken_some_rows_at_a_time():
+    field = np.random.default_rng(1).normal(size=(2000, 1000))
+    tracemalloc.start()
+    mean = around(field)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert mean[700, 300] == pytest.approx(field[699:702, 299:302].mean())
+    assert most < 5 * field.nbytes  # all windows are nine times a field

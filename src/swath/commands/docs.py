@@ -1,6 +1,7 @@
 """`swath docs`: the pages of the documentation that came with the installation."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def folder(name: str = "docs") -> Path:
     """A folder, that with the pages: in the package, or beside `src` where it is run from its sources."""
     package = Path(__file__).parents[1]
     installed = package / name
-    return installed if installed.is_dir() else package.parents[1] / name
+    return installed if os.path.isdir(installed) else package.parents[1] / name
 
 
 def pages() -> dict[str, Path]:

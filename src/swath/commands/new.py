@@ -1,6 +1,7 @@
 """`swath new`: templates to begin with, and the examples."""
 
 import argparse
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -102,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     out = args.file or Path(f"my_{args.kind}.yaml" if "/" in usual else usual)
     beside = [out.parent / template.beside] if template and template.beside else []
     for path in (out, *beside):
-        if path.exists() or path.is_symlink():
+        if os.path.exists(path) or os.path.islink(path):
             raise InputError("FILE", str(path), "expected a name that is free; nothing is overwritten")
     if template is None:
         shutil.copytree(folder("examples"), out, ignore=shutil.ignore_patterns("__pycache__"))

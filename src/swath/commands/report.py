@@ -1,6 +1,7 @@
 """`swath report`: the report of a run that has none."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.tools.rerun.rerun import draw_report
 
     print(draw_report(args.source))
-    if not (args.source / "summary.json").is_file():
+    if not os.path.isfile(args.source / "summary.json"):
         print("note    the run was killed: the page shows what its recording holds")
     return 0
 

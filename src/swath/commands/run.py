@@ -1,6 +1,7 @@
 """`swath run`: drive a scenario."""
 
 import argparse
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -127,9 +128,9 @@ def run(args: argparse.Namespace) -> int:
         raise (scenario.locate(error) if isinstance(error, InputError) else error) from error
     except KeyboardInterrupt as error:
         file = out / "summary.json"
-        has_samples = file.is_file() and read_summary(file).get("simulated_s", 0.0) > 0.0
+        has_samples = os.path.isfile(file) and read_summary(file).get("simulated_s", 0.0) > 0.0
         kept = f"; what was recorded is in {out}, to look at: {command('report', out)}" if has_samples else ""
-        raise type(error)(f"stopped{kept or ' before its first step' * file.is_file()}") from None
+        raise type(error)(f"stopped{kept or ' before its first step' * os.path.isfile(file)}") from None
     if args.quiet:
         print(out)
     else:
@@ -146,7 +147,7 @@ def _changed_on_the_way(source: str) -> Path | None:
     from swath.scenario.scenario import find_scenario
 
     file = find_scenario(source)
-    is_of_a_run = file.name == "scenario.yaml" and file.with_name("summary.json").is_file()
+    is_of_a_run = file.name == "scenario.yaml" and os.path.isfile(file.with_name("summary.json"))
     try:
         return file.parent if is_of_a_run and read_events(file.parent) else None
     except InputError:

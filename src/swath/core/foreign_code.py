@@ -12,6 +12,7 @@ where the user has named it, in the same words: on the command line, or in Pytho
 """
 
 import importlib.util
+import os
 import sys
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
@@ -170,7 +171,7 @@ def load_python(key: str, reference: str | Path, base: Path | None = None) -> Mo
     """Run a Python file. InputError where it may not, or is not there; SwathError where it fails."""
     need_allowed(key, reference, base)
     file = file_of(reference, base)
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise InputError(key, str(reference), f"expected a Python file, but there is no file {file}")
     name = f"{USER_MODULE}{file.stem}_{zlib.crc32(str(file).encode()):08x}"
     spec = importlib.util.spec_from_file_location(name, file, loader=_Source(name, str(file)))

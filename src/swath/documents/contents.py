@@ -1,6 +1,7 @@
 """Hashes of the files that plain data names: sheets, code, logs, terrain, fields."""
 
 import hashlib
+import os
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -79,7 +80,7 @@ def _named(node: Any) -> Path | None:
     if "/" not in file and "." not in file:
         return None
     try:
-        there = Path(file).name not in ("", "..") and Path(file).exists()
+        there = Path(file).name not in ("", "..") and os.path.exists(Path(file))
     except (OSError, ValueError):
         there = False
     return Path(file) if there else None
@@ -88,4 +89,4 @@ def _named(node: Any) -> Path | None:
 def _files(path: Path) -> list[Path]:
     if path.suffix == ".py":  # a user's level may import what lies beside it
         return sorted(path.parent.glob("*.py"))
-    return [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file())
+    return [path] if os.path.isfile(path) else sorted(p for p in path.rglob("*") if os.path.isfile(p))

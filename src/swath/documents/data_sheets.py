@@ -8,6 +8,7 @@ number is as good: `divergence_mrad: 4.7` rests on nothing that is said. The bun
 """
 
 import copy
+import os
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
@@ -62,7 +63,7 @@ def find_sheet(kind: str, name: str, base: Path | None = None) -> Path:
         path = Path(name) if Path(name).is_absolute() else (base or Path.cwd()) / name
     else:
         path = sheet_folder(kind) / f"{name}.yaml"
-    if path.exists():
+    if os.path.exists(path):
         return path
     raise InputError(kind, name, expected_name(kind, name))
 

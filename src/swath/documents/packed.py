@@ -1,5 +1,6 @@
 """Packed files, unpacked no further than a file of their size can honestly hold."""
 
+import os
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -40,7 +41,7 @@ def readable(key: str, what: str, path: Path) -> Iterator[None]:
 def is_archive(path: Path) -> bool:
     """True for a file that ends as a zip archive does, whole or damaged."""
     try:
-        return path.is_file() and zipfile.is_zipfile(path)
+        return os.path.isfile(path) and zipfile.is_zipfile(path)
     except (OSError, ValueError):  # ValueError: a null character in the path
         return False
 

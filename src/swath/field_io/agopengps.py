@@ -6,6 +6,7 @@ github.com/AgOpenGPS-Official/AgOpenGPS.
 """
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,24 +104,24 @@ class AgOpenGpsField:
 
 def is_agopengps(path: Path) -> bool:
     """Whether it is the folder of a field in AgOpenGPS."""
-    return path.is_dir() and (path / FIELD).is_file()
+    return os.path.isdir(path) and os.path.isfile(path / FIELD)
 
 
 def read_agopengps(path: Path) -> AgOpenGpsField:
     """Read a folder. InputError with file and line where it is not as AgOpenGPS writes it."""
     plane = _read_plane(path / FIELD)
-    if not (path / BOUNDARY).is_file():
+    if not os.path.isfile(path / BOUNDARY):
         raise InputError("boundary", None, f"expected {BOUNDARY} in it", file=path)
     drives, rings = _read_boundary(path / BOUNDARY)
     if not rings:
         raise InputError("boundary", None, "expected a boundary, it has none", file=path / BOUNDARY)
     notes = [f"{drives} islands that may be driven through are islands"] if drives else []
-    headlands = _read_headlands(path / HEADLAND, len(rings)) if (path / HEADLAND).is_file() else []
+    headlands = _read_headlands(path / HEADLAND, len(rings)) if os.path.isfile(path / HEADLAND) else []
     lines: list[Line] = []
-    if (path / TRACKS).is_file():
+    if os.path.isfile(path / TRACKS):
         lines, left_out = _read_tracks(path / TRACKS)
         notes += [f"not used: {name}" for name in left_out]
-    elif older := [name for name in OLDER if (path / name).is_file()]:
+    elif older := [name for name in OLDER if os.path.isfile(path / name)]:
         notes.append(f"not used: {', '.join(older)} of an older version, open the field in a newer one")
     return AgOpenGpsField(plane, tuple(rings), tuple(headlands), tuple(lines), tuple(notes))
 

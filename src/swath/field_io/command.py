@@ -1,6 +1,7 @@
 """`swath field`: fields from yield logs."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ def run_import(args: argparse.Namespace) -> int:
     from swath.field_io.pass_scenario import write_pass_scenario
     from swath.terminal.tables import table, wide_console
 
-    if not args.replace and (args.out / "field.yaml").is_file():
+    if not args.replace and os.path.isfile(args.out / "field.yaml"):
         expected = "expected a new or empty folder: this field may hold changes; --replace makes it anew"
         raise InputError("--out", str(args.out), expected)
     keys = ("grain_g_per_stem", "crop_height_m", "header_width_m", "flow_delay_s", "crop", "part")

@@ -6,6 +6,7 @@ docs/how-to/field.md describes the files.
 import base64
 import html
 import json
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -94,7 +95,9 @@ class FieldFolder:
     def _repr_html_(self) -> str:
         """Overview of the field for a notebook."""
         file = self.path / PICTURE
-        data = base64.b64encode(read_bytes(file, "field", "a picture")).decode() if file.is_file() else ""
+        data = (
+            base64.b64encode(read_bytes(file, "field", "a picture")).decode() if os.path.isfile(file) else ""
+        )
         return f'<b>{html.escape(self.path.name)}</b><br/><img src="data:image/png;base64,{data}"/>'
 
     @property
@@ -167,7 +170,7 @@ def write(field: FieldFolder, picture: Callable[[FieldFolder, Path], None] | Non
 
 def check_target(out: Path) -> None:
     """InputError unless out is free, empty, or a field folder, of which others may use the place, too."""
-    if not any((out / name).is_file() for name in (HEAD, f"{HEAD}{PART}")):
+    if not any(os.path.isfile(out / name) for name in (HEAD, f"{HEAD}{PART}")):
         check_folder(out, (*FILES, STAGED.removesuffix(PART)), "field")
 
 
@@ -176,10 +179,10 @@ def _take_places(staged: Path, out: Path) -> None:
 
     Between the first and the last there is no field.yaml, so nobody takes half of each for a field.
     """
-    if (out / HEAD).is_file():
+    if os.path.isfile(out / HEAD):
         move(out / HEAD, out / f"{HEAD}{PART}")
     for name in (*FILES, *MADE):
-        if (staged / name).is_file():
+        if os.path.isfile(staged / name):
             move(staged / name, out / name)
         else:
             remove(out / name)
@@ -240,7 +243,7 @@ def _local_rings(path: Path, origin: Origin) -> list[Array]:
 
 
 def _read_obstacles(path: Path, origin: Origin) -> tuple[tuple[dict[str, Any], dict[str, Any]], ...]:
-    if not path.is_file():
+    if not os.path.isfile(path):
         return ()
     found = read_features(path, Obstacles).features
     return tuple((_map_geometry(f.geometry.model_dump(), origin.to_local), f.properties or {}) for f in found)

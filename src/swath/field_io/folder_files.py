@@ -1,5 +1,6 @@
 """What the text files of a field folder have to hold: `field.yaml` and GeoJSON in lon/lat (RFC 7946)."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
@@ -133,10 +134,10 @@ Obstacles = Features[Feature[AnyGeometry, dict[str, Any] | None]]
 def read_info(folder: Path, kind: type[T]) -> tuple[T, dict[str, Any]]:
     """What field.yaml says, checked as `kind`, and all of it. InputError names key, file and line."""
     path = folder / "field.yaml"
-    if not folder.is_dir():
-        what = "this is a file" if folder.exists() else "there is none"
+    if not os.path.isdir(folder):
+        what = "this is a file" if os.path.exists(folder) else "there is none"
         raise InputError("field folder", str(folder), f"expected a folder, {what}")
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError("field folder", str(folder), "expected a field folder, it has no field.yaml")
     document = replace(read_document(path), kind="field folder")
     made: T = checked(kind, document)

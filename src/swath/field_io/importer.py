@@ -194,7 +194,7 @@ def import_log(
 def find_log(log: Path) -> Path:
     """A log as given, or the bundled one of that name where there is no such file."""
     bundled = Path(str(files("swath.data") / "logs" / f"{Path(log).name}.csv.gz"))
-    return bundled if bundled.is_file() and not Path(log).exists() else Path(log)
+    return bundled if os.path.isfile(bundled) and not os.path.exists(Path(log)) else Path(log)
 
 
 def _read(log: Path, out: Path, columns: Path | None, settings: Settings) -> Log:
@@ -463,7 +463,7 @@ def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:
 def _digest(path: Path) -> str:
     """SHA-256 of the log, of a folder of all its files in the order of their names."""
     made = hashlib.sha256()
-    for part in sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]:
+    for part in sorted(p for p in path.iterdir() if os.path.isfile(p)) if os.path.isdir(path) else [path]:
         with open_to_read(part, "log", "a yield log") as stream:
             while block := stream.read(1 << 20):
                 made.update(block)

@@ -1,5 +1,6 @@
 """The outline of a field: from a file, or the ground its passes covered."""
 
+import os
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -91,7 +92,7 @@ def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
             raise InputError("boundary", size, f"expected at most {LARGEST_BYTES} bytes", file=path)
         if path.suffix.lower() in (".kml", ".kmz"):
             shapes, crs, notes = _from_kml(path)
-        elif is_archive(path) or path.is_dir() or path.suffix.lower() == ".shp":
+        elif is_archive(path) or os.path.isdir(path) or path.suffix.lower() == ".shp":
             shapes, crs, notes = *_from_shapefile(path), []
         else:
             shapes, crs, notes = _from_geojson(path, epsg)

@@ -1,5 +1,6 @@
 """A field without a yield: boundary, guidance and working width of ISO 11783-10 task data, or an outline."""
 
+import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -147,7 +148,7 @@ def plan_field(
 
 def is_outline(path: Path) -> bool:
     """True for a file of polygons: by its name, or a shapefile of such."""
-    return (path.is_file() and path.suffix.lower() in OUTLINES) or is_of_polygons(path)
+    return (os.path.isfile(path) and path.suffix.lower() in OUTLINES) or is_of_polygons(path)
 
 
 def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[str]]:

@@ -12,6 +12,7 @@ truck: {x_m: 20, y_m: -30}
 """
 
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as made
@@ -340,7 +341,7 @@ def _from_here(value: Any) -> Any:
     """A file, or `file.py:Class`, that the command line names, by its whole path."""
     if isinstance(value, str):
         file = value.rpartition(":")[0] if ".py:" in value else value
-        if Path(file).is_file():
+        if os.path.isfile(Path(file)):
             return str(Path(file).resolve()) + value[len(file) :]
     return value
 
@@ -425,7 +426,7 @@ def read_field(path: Path, header: float) -> FileField:
     from swath.field_io.outline import read_outlines
     from swath.field_io.task_data.isoxml import is_taskdata
 
-    if not path.exists():
+    if not os.path.exists(path):
         raise InputError("field.file", str(path), "expected a file that is there")
     if path.suffix.lower() not in (".geojson", ".json", ".kml", ".kmz") and is_taskdata(path):
         return _of_taskdata(path)

@@ -1,6 +1,7 @@
 """What a job comes to, in words, numbers and pictures: tables, results.json, report.html, replay.html."""
 
 import math
+import os
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,11 @@ COLOURS = dict(zip(SHOWN, (*DOES, plots.ORANGE, "#f2a97c", "#8c2d04", plots.GREY
 def check_target(out: Path, name: str, changes: str = "") -> None:
     """InputError for a folder with the results of another job than this, or of it with other changes."""
     kept = out / "results.json"
-    has = read_object(kept, "--out", "results of a job") if kept.is_file() else {"name": name, "set": changes}
+    has = (
+        read_object(kept, "--out", "results of a job")
+        if os.path.isfile(kept)
+        else {"name": name, "set": changes}
+    )
     if (was := (has.get("name"), has.get("set", ""))) != (name, changes):
         lies = was[0] if was[0] != name else f"{name} with {was[1] or 'no changes'}"
         expected = f"expected a new or empty folder, or an earlier {name}, not of {lies}; or --replace"

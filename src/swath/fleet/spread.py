@@ -5,6 +5,7 @@ combine, and how often it drives to the truck.
 """
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
@@ -75,14 +76,14 @@ def _key(job: JobFile, base: Path | None, percent: float) -> str:
     """Of a job with its dispatcher's and machines' files as they are now."""
     sheets = [*(c.machine for c in job.combines.values()), *(k.machine for k in job.carts.values())]
     files = [file_of(name, base) for name in (job.fleet.dispatcher, job.truck.machine, *sheets)]
-    texts = [file_hash(file) for file in files if file.is_file()]
+    texts = [file_hash(file) for file in files if os.path.isfile(file)]
     return sha256(f"{job} {percent} {texts}".encode()).hexdigest()
 
 
 def _kept(out: Path | None, key: str) -> list[float | str]:
     """Draws of this job that a folder has."""
     file = None if out is None else out / FILE
-    if file is None or not file.is_file():
+    if file is None or not os.path.isfile(file):
         return []
     try:
         found = read_object(file, "draws", "draws of a job")

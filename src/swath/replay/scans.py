@@ -1,5 +1,6 @@
 """What the scanners saw and the straw that was laid, from the recording of a run, as a page has them."""
 
+import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -64,7 +65,7 @@ class Recorded:
 def recorded(folder: Path, scanners: Mapping[str, Collection[str]]) -> Recorded | None:
     """Of a run folder; None where nothing was recorded. scanners: slots by machine."""
     path = folder / RECORDING
-    if not path.is_file():
+    if not os.path.isfile(path):
         return None
     known = {f"/{m}/{slot}/truth": ScannerEchoes(m, slot) for m, slots in scanners.items() for slot in slots}
     loads = {f"/{machine}/process/load": machine for machine in scanners}

@@ -11,6 +11,7 @@ plain order. All of it is deflated once and written as base64.
 import base64
 import html
 import json
+import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -205,7 +206,7 @@ def view(folder: Path, *, out: Path | None = None) -> Path:
 
     check_run_folder(folder, "scenario.yaml", "tracks.parquet")
     file = folder / "summary.json"
-    summary = read_summary(file) if file.is_file() else {"incomplete": True}
+    summary = read_summary(file) if os.path.isfile(file) else {"incomplete": True}
     with code_unread():
         scenario = load_scenario(folder / "scenario.yaml")
     made, every = slots_without_code(scenario), slot_names(scenario)

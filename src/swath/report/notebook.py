@@ -1,6 +1,7 @@
 """What a notebook shows of a run, a scan and a field: tables and pictures as HTML."""
 
 import base64
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ def run_html(title: str, summary: Mapping[str, Any], folder: Path) -> Html:
     lines = [element("tr", joined([element("td", text) for text in row], "")) for row in rows]
     table = joined((element("summary", "metrics"), element("table", joined(lines, ""))), "")
     tracks = folder / "tracks.parquet"
-    drawn = _steering(tracks) if tracks.is_file() else ""
+    drawn = _steering(tracks) if os.path.isfile(tracks) else ""
     return joined((element("b", title), drawn, element("details", table)), "")
 
 

@@ -4,6 +4,7 @@ The new run is the one that a fresh start with its events would give: sample by 
 tracks and recording. A save of the earlier run only spares the way to that moment.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +55,7 @@ def branch_folder(out: Path) -> Path:
     """A new folder beside that of a run: `NAME-branch`, `NAME-branch-2`."""
     name = out.name.rpartition("-branch")[0] or out.name
     count, found = 1, out.with_name(f"{name}-branch")
-    while found.exists():
+    while os.path.exists(found):
         count += 1
         found = out.with_name(f"{name}-branch-{count}")
     return found

@@ -15,6 +15,7 @@ ROS 2 or in a recording, and files are read with the user's rights.
 
 import dataclasses
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -57,7 +58,7 @@ def _there(text: str, base: Path) -> Path | None:
         return None
     try:
         path = (base / Path(text).expanduser()).resolve()
-        return path if path.exists() else None
+        return path if os.path.exists(path) else None
     except (OSError, ValueError, RuntimeError):
         return None
 
@@ -263,7 +264,7 @@ class Script:
 
 def read_events(source: Path) -> list[dict[str, Any]]:
     """The events of a run folder, or of a JSON file that is a list of them. InputError."""
-    file = source / "summary.json" if source.is_dir() else source
+    file = source / "summary.json" if os.path.isdir(source) else source
     data = read_json(file, "--events", "a run folder, or a JSON file of events")
     found = data.get("events", []) if isinstance(data, dict) else data
     is_list = isinstance(found, list) and all(isinstance(e, dict) for e in found)

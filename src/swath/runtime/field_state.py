@@ -1,6 +1,7 @@
 """What a field is, and the start on a state of it that an earlier run left."""
 
 import hashlib
+import os
 from pathlib import Path
 from typing import Any
 
@@ -37,10 +38,10 @@ def _flat(data: Any, prefix: str) -> dict[str, Any]:
 
 def _content(value: Any) -> Any:
     """A digest in the place of an absolute path; anything else as it is."""
-    if not isinstance(value, str) or not (path := Path(value)).is_absolute() or not path.exists():
+    if not isinstance(value, str) or not (path := Path(value)).is_absolute() or not os.path.exists(path):
         return value
     digest = hashlib.sha256()
-    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-        if file.is_file():
+    for file in sorted(path.rglob("*")) if os.path.isdir(path) else [path]:
+        if os.path.isfile(file):
             digest.update(file.name.encode() + b"\0" + bytes.fromhex(file_hash(file)))
     return f"{path.name} {digest.hexdigest()[:16]}"

@@ -1,6 +1,7 @@
 """Where a run is written: over nothing but an earlier run of the same scenario with the same changes."""
 
 import atexit
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -32,11 +33,11 @@ SAVES, SAVED, PAGES = "saves", ".save", "field.bin"  # a folder, names in it
 
 def check_run_folder(folder: Path, *names: str) -> None:
     """InputError where a folder is no run folder with these files."""
-    if not folder.is_dir():
-        what = "this is a file" if folder.exists() else "there is none of this name"
+    if not os.path.isdir(folder):
+        what = "this is a file" if os.path.exists(folder) else "there is none of this name"
         raise InputError("RUN", str(folder), f"expected a run folder, {what}")
     for name in names:
-        if not (folder / name).is_file():
+        if not os.path.isfile(folder / name):
             raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
 
 
@@ -97,7 +98,7 @@ def scan_of(scenario: Scenario, at_s: float) -> str:
 def scan_in(folder: Path) -> str | None:
     """What the scan in a folder is of; None where there is none, or its version of swath did not say."""
     file = folder / SCAN_OF
-    return read_text(file, "--out", "a scan").strip() if file.is_file() else None
+    return read_text(file, "--out", "a scan").strip() if os.path.isfile(file) else None
 
 
 def run_name(folder: Path) -> str | None:
@@ -105,7 +106,9 @@ def run_name(folder: Path) -> str | None:
     from swath.documents.yaml_document import read_document
 
     file = folder / "scenario.yaml"
-    if not file.is_file() or not any((folder / f).is_file() for f in ("summary.json", "run.mcap", LOCK)):
+    if not os.path.isfile(file) or not any(
+        os.path.isfile(folder / f) for f in ("summary.json", "run.mcap", LOCK)
+    ):
         return None
     try:
         name = read_object(folder / "summary.json", "run", "a summary.json")["name"]
@@ -157,7 +160,7 @@ def clear_run_folder(folder: Path) -> None:
     for name in RUN_FILES[:-1]:
         remove(folder / name)
     saves = folder / SAVES
-    if saves.is_symlink():
+    if os.path.islink(saves):
         remove(saves)
     for file in (*saves.glob(f"*{SAVED}"), saves / PAGES):
         remove(file)

@@ -11,6 +11,7 @@ what was expected, the file and the line.
 
 import dataclasses
 import html
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -201,16 +202,18 @@ def find_scenario(source: str | Path) -> Path:
     try:
         if isinstance(source, str) and source in scenario_names():
             return find_sheet("scenarios", source)
-        if path.is_dir() and (path / "scenario.yaml").is_file():
+        if os.path.isdir(path) and os.path.isfile(path / "scenario.yaml"):
             return path / "scenario.yaml"
-        if path.exists() and not path.is_dir():
+        if os.path.exists(path) and not os.path.isdir(path):
             return path
-        is_name = path.suffix not in (".yaml", ".yml") and len(path.parts) == 1 and not path.is_dir()
+        is_name = path.suffix not in (".yaml", ".yml") and len(path.parts) == 1 and not os.path.isdir(path)
         if isinstance(source, str) and is_name:
             return find_sheet("scenarios", source)
     except (InputError, OSError, ValueError):
         raise InputError("scenario", str(source), expected_name("scenarios", str(source))) from None
-    expected = "expected a run folder, it has no scenario.yaml" if path.is_dir() else "there is no such file"
+    expected = (
+        "expected a run folder, it has no scenario.yaml" if os.path.isdir(path) else "there is no such file"
+    )
     raise InputError("scenario", str(source), expected)
 
 

@@ -1,5 +1,6 @@
 """What the reading of every section of a scenario needs: errors, levels, parameters, absolute paths."""
 
+import os
 import re
 from collections.abc import Mapping
 from contextlib import suppress
@@ -172,7 +173,7 @@ class SectionReader:
         wants_folder = key.endswith("folder")
         try:
             target = (self.base(path) / value).resolve()
-            is_there = target.is_dir() if wants_folder else target.exists()
+            is_there = os.path.isdir(target) if wants_folder else os.path.exists(target)
         except (OSError, ValueError, RuntimeError):
             is_there = False
         if is_there:

@@ -1,5 +1,6 @@
 """Spread tables on disk: `<name>.npz` with the numbers, `<name>.yaml` with source, range and fit quality."""
 
+import os
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib.resources import files
@@ -34,11 +35,11 @@ def load_table(name: str, base: Path | None = None) -> SpreadTable:
         path = Path(name) if Path(name).is_absolute() else (base or Path.cwd()) / name
     else:
         path = _folder() / f"{name}.npz"
-    if not path.is_file():
+    if not os.path.isfile(path):
         have = ", ".join(table_names()) or "none"
         expected = f"expected a .npz file or one of {have}; `swath calibrate lidar` makes one"
         raise InputError("table", name, expected)
-    files = [file.stat() for file in (path, path.with_suffix(".yaml")) if file.is_file()]
+    files = [file.stat() for file in (path, path.with_suffix(".yaml")) if os.path.isfile(file)]
     return _load(path, *((file.st_mtime_ns, file.st_size) for file in files))
 
 
@@ -103,7 +104,7 @@ def _grid_arrays(grid: Spread, prefix: str) -> dict[str, Any]:
 
 def _about(path: Path) -> dict[str, object]:
     sheet = path.with_suffix(".yaml")
-    if not sheet.is_file():
+    if not os.path.isfile(sheet):
         return {}
     about = read_document(sheet).data
     if not isinstance(about, dict):

@@ -1,5 +1,6 @@
 """The outcome of a run on stdout: metrics, limits, incidents."""
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from shlex import quote
@@ -44,9 +45,9 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
         print(f"events  {len(events)}, listed in summary.json; repeat them with --events {quote(str(out))}")
     print(f"digest  {summary.get('digest', '-')}")
     for page in ("report", "replay"):
-        if (out / f"{page}.html").is_file():
+        if os.path.isfile(out / f"{page}.html"):
             print(f"{page}  {out / page}.html")
-    size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
+    size = sum(file.stat().st_size for file in out.rglob("*") if os.path.isfile(file))
     took = "{simulated_s:.1f} s driven in {wall_s:.1f} s, ".format(**summary) if "wall_s" in summary else ""
     print(f"folder  {out}: {took}{size / 1e6:.1f} MB")
 

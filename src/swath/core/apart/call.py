@@ -303,7 +303,7 @@ def _process_for(path: Path, size: int, libraries: Sequence[str]) -> _Process:
     """A process that may read a file, or all in a folder; the newest that may."""
     global _of_pid
     real = os.path.realpath(path)
-    folder = str(path) if path.is_dir() else str(path.parent)
+    folder = str(path) if os.path.isdir(path) else str(path.parent)
     roots, needed = frozenset((folder, os.path.realpath(folder), real)), frozenset(libraries)
     with _lock:
         if _of_pid != os.getpid():  # after a fork they answer the process before
@@ -327,7 +327,7 @@ def _process_for(path: Path, size: int, libraries: Sequence[str]) -> _Process:
 def _size(path: Path) -> int:
     """Bytes of a file, or of the files of a folder, that are on the disk."""
     try:
-        about = [p.stat() for p in (path.iterdir() if path.is_dir() else [path]) if p.is_file()]
+        about = [p.stat() for p in (path.iterdir() if os.path.isdir(path) else [path]) if os.path.isfile(p)]
     except OSError:
         return 0
     return sum(min(each.st_size, 512 * getattr(each, "st_blocks", each.st_size)) for each in about)

@@ -30,15 +30,15 @@ def check_folder(path: Path, own: Collection[str], what: str) -> None:
 
     own: as of `is_own`; what: those make, in words
     """
-    if path.exists() and not path.is_dir():
+    if os.path.exists(path) and not os.path.isdir(path):
         raise InputError("--out", str(path), "expected a folder, this is a file")
-    if path.is_dir() and not all(is_own(f.name, own) for f in path.iterdir()):
+    if os.path.isdir(path) and not all(is_own(f.name, own) for f in path.iterdir()):
         raise InputError("--out", str(path), f"expected a new or empty folder, or an earlier {what}")
 
 
 def check_free(path: Path) -> None:
     """InputError for a folder that another process writes."""
-    if (path / LOCK).is_file():
+    if os.path.isfile(path / LOCK):
         os.close(_locked(path))
 
 
@@ -53,7 +53,7 @@ def held(
     """
     if alone:
         check_folder(path, own, what)
-    is_new = not path.exists()
+    is_new = not os.path.exists(path)
     with within(*[path] * (not is_within(path))):
         file = _locked(path)
         try:
@@ -64,7 +64,7 @@ def held(
                     remove(part)
             yield path
         finally:
-            if (path / until).exists():
+            if os.path.exists(path / until):
                 remove(path / LOCK)
             os.close(file)
             if is_new:
@@ -87,7 +87,7 @@ def _locked(folder: Path) -> int:
         file = open_to_keep(path, os.O_RDWR)
         try:
             _take(file, folder)
-            if path.exists() and os.path.samestat(os.fstat(file), path.stat()):
+            if os.path.exists(path) and os.path.samestat(os.fstat(file), path.stat()):
                 return file  # else the process before removed it between the two lines above
         except BaseException:
             os.close(file)

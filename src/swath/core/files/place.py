@@ -131,7 +131,7 @@ def _opened(root: Path, names: list[str], make: bool) -> int | None:
         if folder is not None:
             os.close(folder)
         if error.errno in (errno.ENOTDIR, errno.ELOOP):
-            what = "not a link to another one" if path.is_symlink() else "this is none"
+            what = "not a link to another one" if os.path.islink(path) else "this is none"
             raise InputError("folder", str(path), f"expected a folder, {what}") from None
         raise OSError(error.errno, error.strerror, str(path)) from error
     return folder

@@ -47,11 +47,11 @@ def open_to_keep(path: Path, flags: int) -> int:
     more = os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)  # a pipe may wait
     try:
         with place(path, make=True) as (name, folder):
-            if folder is None and path.is_symlink():
+            if folder is None and os.path.islink(path):
                 raise OSError(errno.ELOOP, "", name)
             file = os.open(name, flags | more, 0o644, dir_fd=folder)
     except OSError as error:
-        if path.is_symlink():
+        if os.path.islink(path):
             raise InputError("file", str(path), "expected a file, not a link to another one") from error
         if error.errno == errno.ENXIO:
             raise InputError("file", str(path), "expected a file, not a device or pipe") from error

@@ -1,5 +1,6 @@
 """A band of a GeoTIFF as SI numbers: scale, offset, unit and nodata applied, and doubts named."""
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -320,7 +321,7 @@ def _check_limits(values: Array, quantity: Quantity, path: Path) -> None:
 def _beside(path: Path, band: int) -> dict[str, str]:
     """What GDAL and QGIS keep about a band in a file beside it (PAM): no more of it than these are read."""
     file = path.with_name(path.name + ".aux.xml")
-    if not file.is_file():
+    if not os.path.isfile(file):
         return {}
     try:
         root = read_xml(read_bytes(file, "raster", "a PAM dataset", 1 << 20))

@@ -5,6 +5,7 @@ the messages of ISO 11783 that come with swath. Files are read by blocks; a long
 Messages of several frames (J1939 transport) are put together, at the time of their last frame.
 """
 
+import os
 import re
 import sys
 import zlib
@@ -84,7 +85,7 @@ def si_unit(text: str) -> tuple[str, float] | None:
 
 def kind_of(path: Path) -> str:
     """MF4, BLF or ASC by the first bytes of a file; '' for another one. InputError for an MDF before 4."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         return ""
     with open_to_read(path, "log", "a log") as file:
         head = file.read(16)
@@ -99,7 +100,7 @@ def open_channels(path: Path) -> Channels | None:
     """The reader of a measurement; None for a file of another kind. InputError where it cannot be read."""
     kind = kind_of(path)
     if not kind:
-        if (named := path.suffix[1:].upper()) in ("MF4", "BLF") and path.is_file():
+        if (named := path.suffix[1:].upper()) in ("MF4", "BLF") and os.path.isfile(path):
             expected = f"expected {named}, which its first bytes are not"
             raise InputError("log", path.name, expected, file=path)
         return None
@@ -419,7 +420,7 @@ def _with_short_signals(text: str) -> str:
 def _database_of(path: Path) -> Path:
     """The DBC file that a log is decoded by."""
     beside = path.with_suffix(".dbc")
-    found = [beside] if beside.is_file() else sorted(path.parent.glob("*.dbc"))
+    found = [beside] if os.path.isfile(beside) else sorted(path.parent.glob("*.dbc"))
     if len(found) > 1:
         names = ", ".join(file.name for file in found)
         raise InputError("database", names, f"expected one of them named {beside.name}", file=path)

@@ -561,7 +561,7 @@ def map_to_fill(log: Path, out: Path | None, columns: Path | None) -> Iterator[N
         if out is None or columns is not None or not os.access(out.parent, os.W_OK):
             raise
         made = out.parent / f"{log.name.partition('.')[0]}.columns.yaml"
-        if not made.exists():
+        if not os.path.exists(made):
             write_whole(made, error.template + "\n")
         needed = error.expected.rpartition("; ")[0]
         expected = f"{needed}; fill in {made} and give it with --columns"

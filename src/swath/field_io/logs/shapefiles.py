@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -28,13 +29,17 @@ def shapefile_parts(path: Path, key: str) -> Iterator[Parts]:
     """Ending (`shp`, `dbf`, `prj`, `cpg`, METADATA) -> what reads it, of the one shapefile in a zip, folder,
     or of a bare .shp. InputError with this key where there is not exactly one.
     """
-    if path.is_dir() or path.suffix.lower() == ".shp":
-        folder = path if path.is_dir() else path.parent
-        files = {str(p): p.read_bytes for p in sorted(folder.rglob("*")) if p.is_file() and _is_part(p.name)}
-        yield _of_one(files, path, key, None if path.is_dir() else path)
+    if os.path.isdir(path) or path.suffix.lower() == ".shp":
+        folder = path if os.path.isdir(path) else path.parent
+        files = {
+            str(p): p.read_bytes for p in sorted(folder.rglob("*")) if os.path.isfile(p) and _is_part(p.name)
+        }
+        yield _of_one(files, path, key, None if os.path.isdir(path) else path)
         return
     with open_archive(path, key) as archive:
-        members = [i for i in archive.infolist() if not i.is_dir() and "__MACOSX" not in i.filename]
+        members = [
+            i for i in archive.infolist() if not i.filename.endswith("/") and "__MACOSX" not in i.filename
+        ]
         yield _of_one({i.filename: partial(archive.read, i) for i in members}, path, key, None)
 
 
@@ -60,7 +65,7 @@ def has_shapefile(folder: Path) -> bool:
 def is_of_polygons(path: Path) -> bool:
     """True for one shapefile, bare, in a folder or in a zip, whose shapes are polygons and no records."""
     is_zip = path.suffix.lower() == ".zip"
-    if not (is_zip or path.suffix.lower() == ".shp" or (path.is_dir() and has_shapefile(path))):
+    if not (is_zip or path.suffix.lower() == ".shp" or (os.path.isdir(path) and has_shapefile(path))):
         return False
     try:
         with shapefile_parts(path, "log") as parts:

@@ -5,6 +5,7 @@ import csv
 import gzip
 import io
 import math
+import os
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -216,7 +217,7 @@ codecs.register_error(OR_CP1252, _or_cp1252)
 
 def _head(path: Path) -> bytes:
     """The first bytes of a file, none of a folder that holds a shapefile."""
-    if path.is_dir():
+    if os.path.isdir(path):
         if has_shapefile(path):
             return b""
         expected = "expected a file, or a folder with a shapefile or TASKDATA.XML in it"

@@ -6,6 +6,7 @@ that many pairs of index (uint8) and value (int32). Values are logged when they 
 last one, nan before the first. What cannot be read is left out, counted, and said with file and byte.
 """
 
+import os
 import warnings
 from collections import Counter
 from collections.abc import Mapping
@@ -549,7 +550,7 @@ def _is_off(log: TimeLog, element: str) -> NDArray[np.bool_]:
 
 def is_taskdata(path: Path) -> bool:
     """True for a folder or zip that holds a TASKDATA.XML, for that file, and for a TLG file."""
-    if path.is_dir():
+    if os.path.isdir(path):
         return any(p.name.upper() == "TASKDATA.XML" for p in path.iterdir())
     if path.name.upper() == "TASKDATA.XML" or is_log_file(path):
         return True

@@ -1,6 +1,7 @@
 """The files of an ISO 11783-10 task data set: a folder or a zip, and XML read up to its first mistake."""
 
 import math
+import os
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -46,9 +47,9 @@ class TaskFiles(Mapping[str, bytes]):
 def task_files(path: Path) -> Iterator[TaskFiles]:
     """The files of a folder or zip. InputError where it cannot be read, or is larger than task data are."""
     with readable("taskdata", "readable files", path):
-        if path.is_dir() or not is_archive(path):
-            folder = path if path.is_dir() else path.parent
-            parts = [p for p in sorted(folder.iterdir()) if _is_part(p) and p.is_file()]
+        if os.path.isdir(path) or not is_archive(path):
+            folder = path if os.path.isdir(path) else path.parent
+            parts = [p for p in sorted(folder.iterdir()) if _is_part(p) and os.path.isfile(p)]
             total = sum(p.stat().st_size for p in parts)
             if total > LARGEST_BYTES:
                 raise InputError("taskdata", total, f"expected at most {LARGEST_BYTES} bytes", file=path)

@@ -204,7 +204,7 @@ class Terminal:
         tty.setraw(self._theirs)
         os.set_blocking(self._ours, False)
         try:
-            if self._path.is_symlink() and not self._path.exists():  # of a run that was killed
+            if os.path.islink(self._path) and not os.path.exists(self._path):  # of a run that was killed
                 self._path.unlink()
             self._path.symlink_to(os.ttyname(self._theirs))
         except OSError as error:

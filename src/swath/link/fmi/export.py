@@ -52,7 +52,7 @@ def importer_environment() -> dict[str, str]:
         return {"PATH": str(base), **found}
     folders = dict.fromkeys((sysconfig.get_config_var("LIBDIR"), base / "lib"))
     libraries = (Path(folder) / name for folder in folders if folder for name in NAMES)
-    library = next((path for path in libraries if path.is_file()), None)
+    library = next((path for path in libraries if os.path.isfile(path)), None)
     return {} if library is None else {"LD_PRELOAD": str(library), **found}
 
 
@@ -338,12 +338,14 @@ def _packed(data: Any, files: dict[str, bytes]) -> Any:
         return data
     text, colon, name = data.rpartition(":") if ".py:" in data else (data, "", "")
     source = Path(text)
-    if not source.is_absolute() or not source.exists():
+    if not source.is_absolute() or not os.path.exists(source):
         return data
     target = f"files/{hashlib.sha256(text.encode()).hexdigest()[:8]}-{source.name}"
-    members = [f for f in sorted(source.rglob("*")) if f.is_file()] if source.is_dir() else [source]
+    members = (
+        [f for f in sorted(source.rglob("*")) if os.path.isfile(f)] if os.path.isdir(source) else [source]
+    )
     for file in members:
-        place = f"{target}/{file.relative_to(source).as_posix()}" if source.is_dir() else target
+        place = f"{target}/{file.relative_to(source).as_posix()}" if os.path.isdir(source) else target
         files[place] = file.read_bytes()
     return f"{target}{colon}{name}"
 

@@ -4,6 +4,7 @@ Systems within systems are flattened: a component is named by its path, `Drive.E
 from the start of a connection to its end, then its linear transformation is applied (SSP 1.0, 4.5.5.6).
 """
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -138,7 +139,7 @@ class _Reader:
     def component(self, path: str, node: Any) -> None:
         """A component: an FMU beside the description or in the package."""
         source, kind = node.get("source", ""), node.get("type", "application/x-fmu-sharedlibrary")
-        if kind != "application/x-fmu-sharedlibrary" or not (self.folder / source).is_file():
+        if kind != "application/x-fmu-sharedlibrary" or not os.path.isfile(self.folder / source):
             text = f"expected an FMU for component {path}, its source is {source or 'missing'} of type {kind}"
             raise InputError("file", str(self.system.file), text)
         self.system.components[path] = read_fmu(self.folder / source)

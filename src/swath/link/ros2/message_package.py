@@ -1,5 +1,6 @@
 """swath's own message types as a ROS 2 package that `colcon build` makes: one .msg per signal."""
 
+import os
 from pathlib import Path
 
 from swath import __version__
@@ -51,7 +52,7 @@ def message_types() -> dict[str, str]:
 def write_package(folder: Path) -> list[Path]:
     """Write the package into a new folder `swath_msgs` in `folder`; the files. InputError if it is there."""
     root = folder / NAME
-    if root.exists():
+    if os.path.exists(root):
         raise InputError("--out", str(root), "expected a folder without it: it is there already")
     texts = message_types()
     lines = "\n".join(f'  "msg/{name}.msg"' for name in texts)

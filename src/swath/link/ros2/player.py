@@ -1,5 +1,6 @@
 """Publishes run.mcap as ROS 2 topics at its pace, with `/clock`."""
 
+import os
 import time
 from collections.abc import Collection, Iterator
 from functools import partial
@@ -22,8 +23,8 @@ LATCHED = "transient_local"
 
 def find_recording(source: Path) -> Path:
     """The run.mcap of a run folder, or the .mcap file itself. InputError for anything else."""
-    file = source / "run.mcap" if source.is_dir() else source
-    if file.suffix != ".mcap" or not file.is_file():
+    file = source / "run.mcap" if os.path.isdir(source) else source
+    if file.suffix != ".mcap" or not os.path.isfile(file):
         raise InputError("RUN", str(source), "expected a run folder with a run.mcap, or a .mcap file")
     return file
 

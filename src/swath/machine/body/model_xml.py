@@ -1,5 +1,6 @@
 """What URDF and SDF share: the XML, numbers in it, and the shapes of a visual."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,7 +98,7 @@ class ModelFile:
             ]
         else:
             tries = [self.path.parent / unquote(parsed.path if parsed.scheme == "file" else uri)]
-        return next((file for file in tries if file.is_file()), None)
+        return next((file for file in tries if os.path.isfile(file)), None)
 
 
 def shape(file: ModelFile, geometry: Element | None, where: str) -> Array:

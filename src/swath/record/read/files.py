@@ -4,6 +4,7 @@
 database, or packed, with its index, `ChannelLog` MF4, BLF and ASC.
 """
 
+import os
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path, PurePath
 from typing import Any, Protocol
@@ -85,7 +86,11 @@ def open_parts(folder: Path) -> PartsLog | None:
         kind = about["storage_identifier"]
     except (InputError, KeyError, TypeError, AttributeError):
         return None
-    if kind != "mcap" or packing not in ("none", "message") or not all(part.is_file() for part in parts):
+    if (
+        kind != "mcap"
+        or packing not in ("none", "message")
+        or not all(os.path.isfile(part) for part in parts)
+    ):
         return None
     return PartsLog(folder, parts, packed=packing == "message")
 
@@ -107,7 +112,7 @@ class BagLog:
             [path], default_typestore=get_typestore(Stores.ROS2_JAZZY)
         )
         try:
-            if path.is_dir():
+            if os.path.isdir(path):
                 read_document(path / "metadata.yaml")  # rosbags reads it without a bound
             with self._make() as reader:
                 self._definitions = Definitions(reader.typestore.fielddefs)
@@ -209,7 +214,7 @@ def _bounded(reader: Any, path: Path) -> bool:
     `unpacked_message`: rosbags would unpack them without a bound.
     """
     storage = reader.readers[0].storage
-    most = most_unpacked(sum(p.stat().st_size for p in ([path] if path.is_file() else path.iterdir())))
+    most = most_unpacked(sum(p.stat().st_size for p in ([path] if os.path.isfile(path) else path.iterdir())))
     for part in getattr(storage, "storages", [storage]):
         if (database := getattr(part, "dbconn", None)) is not None:
             database.limit(LENGTH, min(most, 2**31 - 1))
@@ -257,10 +262,10 @@ def open_log(path: Path) -> Log:
 
 
 def _open(path: Path) -> Log:
-    if (path / RUN).is_file():
+    if os.path.isfile(path / RUN):
         path = path / RUN
-    if path.is_dir():
-        if not any(path.glob(f"*{PACKED}")) or not (path / "metadata.yaml").is_file():
+    if os.path.isdir(path):
+        if not any(path.glob(f"*{PACKED}")) or not os.path.isfile(path / "metadata.yaml"):
             return _recording(path)
         unpacked = _unpack(path)
         log = _recording(unpacked.path)
@@ -278,7 +283,7 @@ LIBRARIES = ("mcap.reader", "mcap.stream_reader", "rosbags.highlevel", "rosbags.
 @apart("recording", "a recording", libraries=LIBRARIES, kept=(McapLog, PartsLog, BagLog))
 def _recording(path: Path) -> Log:
     """The reader of a recording of messages. InputError where it is none."""
-    if path.is_dir():
+    if os.path.isdir(path):
         return _open_folder(path)
     if path.suffix == ".mcap" or _begins(path, MAGIC):
         return McapLog(path, by_time=path.name != RUN)
@@ -292,7 +297,7 @@ def _recording(path: Path) -> Log:
 def _open_folder(path: Path) -> Log:
     parts = sorted(path.glob("*.mcap"))
     has_data = bool(parts) or any(file.suffix in DATABASES for file in path.iterdir())
-    if not has_data or not (parts or (path / "metadata.yaml").is_file()):
+    if not has_data or not (parts or os.path.isfile(path / "metadata.yaml")):
         raise InputError("recording", path.name, f"{KINDS}; it holds no such file", file=path)
     if (named := open_parts(path)) is not None:
         return named

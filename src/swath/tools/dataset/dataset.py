@@ -9,6 +9,7 @@ its number alone.
 """
 
 import json
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -433,7 +434,7 @@ def missing(settings: Settings, out: Path) -> list[SceneJob]:
     """The pictures that are not there, by scene."""
     rest: dict[int, list[int]] = {}
     for picture in range(settings.count):
-        if not part_of(out, picture).is_file():
+        if not os.path.isfile(part_of(out, picture)):
             rest.setdefault(picture // settings.per_scene, []).append(picture)
     return [SceneJob(scene, tuple(pictures)) for scene, pictures in rest.items()]
 
@@ -462,7 +463,7 @@ def _check_same(settings: Settings, out: Path) -> None:
     del said["count"]
     said = json.loads(json.dumps(said))
     file = out / SETTINGS
-    if not file.is_file():
+    if not os.path.isfile(file):
         write_whole(file, json.dumps(said, indent=1))
         return
     there = read_object(file, "--out", "settings of a data set")

@@ -1,5 +1,6 @@
 """Two run folders compared: scenarios, exact samples, metrics, events; and the page, with both tracks."""
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -130,7 +131,7 @@ def _edge_side(scenario: Any, machine: str) -> str:
 
 
 def _log(folder: Path) -> Log | None:
-    return open_log(folder / "run.mcap") if (folder / "run.mcap").is_file() else None
+    return open_log(folder / "run.mcap") if os.path.isfile(folder / "run.mcap") else None
 
 
 def _first_difference(topic: str, slot: str, a: Log, b: Log) -> Difference | None:

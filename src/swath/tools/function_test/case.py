@@ -5,6 +5,7 @@ a platform and an expected result.
 """
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -305,12 +306,12 @@ def _paths(source: str) -> list[Path]:
         raise InputError(
             "cases", source, f"expected cases; a part of your own goes into them by --set: {how}"
         )
-    if path.is_dir():
+    if os.path.isdir(path):
         found = sorted(path.glob("*.yaml"))
         if not found:
             raise InputError("cases", source, "expected a folder with case files, *.yaml")
         return found
-    if path.exists():
+    if os.path.exists(path):
         return [path]
     names = ["catalogue", *bundled]
     raise InputError(

@@ -1,6 +1,7 @@
 """`swath test`: list, run, search, levels, estimate, plan-field, work, report, compare, again."""
 
 import argparse
+import os
 from collections import Counter
 from contextlib import nullcontext
 from dataclasses import replace
@@ -134,7 +135,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.cases is None:
         raise InputError("cases", None, "expected `catalogue`, a case, or --odd with a domain")
     plan = Plan(
-        args.cases if not Path(args.cases).exists() else str(Path(args.cases).resolve()),
+        args.cases if not os.path.exists(Path(args.cases)) else str(Path(args.cases).resolve()),
         tags=tuple(args.only),
         candidates=read_candidates(args.candidates),
         seeds=args.seeds,
@@ -307,7 +308,7 @@ def _told_of(folder: Path, run: Any, base: str) -> str:
     if not run.point:
         return base
     odd = folder / ODD_FILE
-    requirement = read_document(odd).data.get("requirement") if odd.is_file() else ""
+    requirement = read_document(odd).data.get("requirement") if os.path.isfile(odd) else ""
     of = f" ({requirement})" if requirement else ""
     point = ", ".join(f"{name.rpartition('.')[2]} {value}" for name, value in run.point.items())
     return shortened(f"Run {run.id[:8]} of {run.case}{of}: {point}", LONGEST_SUMMARY)

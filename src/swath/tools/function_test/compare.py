@@ -1,6 +1,7 @@
 """`swath test compare`: the runs of two results, pair by pair."""
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -153,7 +154,7 @@ def _detectors(source: str) -> tuple[set[tuple[str, str]], bool]:
 
 def _parts(source: str) -> tuple[str, str]:
     """Folder and candidate, "" where none is named."""
-    folder, _, candidate = (source, "", "") if Path(source).is_dir() else source.rpartition(":")
+    folder, _, candidate = (source, "", "") if os.path.isdir(Path(source)) else source.rpartition(":")
     return folder, candidate
 
 
@@ -161,7 +162,7 @@ def _results(source: str) -> dict[Key, Result]:
     """Results by case, point, seed and candidate, the latter empty where one is named."""
     folder, candidate = _parts(source)
     table = Path(folder) / TABLE
-    if not table.is_file():
+    if not os.path.isfile(table):
         raise InputError("compare", source, f"expected the folder of a function test, with {TABLE}")
     rows = read_table(table)
     if candidate and candidate not in (there := sorted({row["candidate"] for row in rows})):

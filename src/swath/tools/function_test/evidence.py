@@ -1,6 +1,7 @@
 """What real passes showed: evidence.csv in a folder, and its table on the page there."""
 
 import csv
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +35,7 @@ def write_evidence(folder: Path, found: Sequence[Evidence]) -> Path:
 def evidence_table(folder: Path) -> Table:
     """What is in the evidence.csv of a folder; empty where there is none."""
     rows = []
-    if (path := folder / EVIDENCE).is_file():
+    if os.path.isfile(path := folder / EVIDENCE):
         read = csv.DictReader(read_text(path, EVIDENCE, "evidence").splitlines())
         rows = [[row.get(name) or "" for name in SAID] for row in read]
     return Table("Evidence from the field", SAID, rows, (4, 5), ABOUT)

@@ -41,7 +41,7 @@ class Journal:
 
     def __init__(self, folder: Path, worker: str) -> None:
         self.worker, plan = worker, folder.parent / PLAN
-        self._made_of = read_object(plan, PLAN, "a plan").get("made_of", {}) if plan.is_file() else {}
+        self._made_of = read_object(plan, PLAN, "a plan").get("made_of", {}) if os.path.isfile(plan) else {}
         path = folder / f"{worker}.jsonl"
         self._file = open_to_append(path)
         with open_to_read(path, "journal", "a journal") as before:

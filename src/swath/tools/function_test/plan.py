@@ -9,6 +9,7 @@ since.
 
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
@@ -291,7 +292,7 @@ def code_hash() -> str:
 def commit() -> str:
     """Commit of the git checkout that this package lies in, `-dirty` behind it with changes; "" = none."""
     root, git = Path(swath.__file__).parent, shutil.which("git")
-    if git is None or not any((folder / ".git").exists() for folder in root.parents):
+    if git is None or not any(os.path.exists(folder / ".git") for folder in root.parents):
         return ""
     tracked = [git, "-C", str(root), "ls-files", "--error-unmatch", "__init__.py"]
     if subprocess.run(tracked, capture_output=True, check=False).returncode:

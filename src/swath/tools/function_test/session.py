@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
@@ -88,14 +89,14 @@ class Session:
         for file in (self.folder / PLAN, *self.journals.iterdir()):
             copy_whole(file, aside / file.relative_to(self.folder), "file", "a file of the plan")
         for name in (TABLE, *PAGES):
-            if (self.folder / name).is_file():
+            if os.path.isfile(self.folder / name):
                 move(self.folder / name, aside / name)
         print(f"note    the runs of other limits or another version of a file are kept in {aside}")
 
     def runs(self) -> Iterator[PlannedRun]:
         """The runs of the plan as they were called when it was made, in order."""
         file = self.journals / RUNS
-        if file.is_file():
+        if os.path.isfile(file):
             end = self.first + len(self.plan.points) if self.plan.points else None
             yield from _planned(file, self.first, end)
             return
@@ -212,7 +213,7 @@ def _row(run: PlannedRun) -> dict[str, Any]:
 
 def _rows(file: Path, first: int, end: int | None) -> Iterator[dict[str, Any]]:
     """Rows of a file of planned runs."""
-    if not file.is_file() or end == first:
+    if not os.path.isfile(file) or end == first:
         return
     what = "the runs of a plan"
     with open_parquet(file, "runs", what) as found, readable("runs", what, file):
@@ -241,12 +242,12 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
     """
     file = folder / PLAN
     text = plan.text_in(folder)
-    if file.is_file() and _as_asked(read_text(file, "--out", "a plan")) != _as_asked(text):
+    if os.path.isfile(file) and _as_asked(read_text(file, "--out", "a plan")) != _as_asked(text):
         expected = (
             "expected a new folder: in this one lie results of another plan, or of another version of swath"
         )
         raise InputError("--out", str(folder), expected)
-    if not file.is_file():
+    if not os.path.isfile(file):
         check_folder(folder, (PLAN, JOURNALS), "function test")
         check_folder(folder / JOURNALS, (RUNS,), "function test")  # written before the plan
     plan.check(candidates)
@@ -277,14 +278,14 @@ def claim_folder(file: Path, asked: Any, what: str) -> None:
 
 def check_version(folder: Path, key: str = "--out") -> None:
     """InputError for a folder whose runs were made by another version of a file."""
-    if (folder / PLAN).is_file() and (names := open_session(folder).changed):
+    if os.path.isfile(folder / PLAN) and (names := open_session(folder).changed):
         expected = f"expected a new folder: the runs in this one are of another version of {names}"
         raise InputError(key, str(folder), expected)
 
 
 def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
     """What a search or campaign asks, from its file in a folder; None where there is none. what: in words."""
-    if not file.is_file():
+    if not os.path.isfile(file):
         return None
     data = read_object(file, what.split()[-1], what)
     found: Asked = checked(kind, Document(data, file, kind=what))
@@ -304,11 +305,11 @@ def open_session(folder: Path, *, same_code: bool = True) -> Session:
     """The session in a folder. InputError where there is none; same_code: or where it is of other code."""
     file = folder / PLAN
     try:
-        if not file.is_file():
+        if not os.path.isfile(file):
             expected = f"expected the folder of a function test, with {PLAN}"
             raise InputError("folder", str(folder), expected)
         data = read_object(file, PLAN, "a plan")
-        if (beside := folder / str(data["cases"])).is_file():  # of a case that lies in the folder
+        if os.path.isfile(beside := folder / str(data["cases"])):  # of a case that lies in the folder
             data = {**data, "cases": str(beside.resolve())}
         return Session(folder, plan_of(data, same_code=same_code))
     except (KeyError, TypeError, ValueError) as error:

@@ -1,5 +1,6 @@
 """The builder: poses give the ground and the frame of the grid, echoes give the heights in its cells."""
 
+import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -74,7 +75,7 @@ class Settings:
 
 def open_source(path: Path, wanted: Wanted, poses: Path | None = None) -> Source:
     """A source by its kind: .npz, .csv, or a recording. poses: a .csv of poses for the first two."""
-    if not path.exists():
+    if not os.path.exists(path):
         raise InputError("source", str(path), "expected a run folder, .mcap, .bag, .npz or .csv")
     if path.suffix == ".npz":
         return open_npz(path, wanted, poses)

@@ -14,6 +14,7 @@ from swath.tools.height_map.poses import PoseTrack
 
 Array = NDArray[np.float64]
 BLOCK = 16  # nodes along a block that is worked on at once
+AT_ONCE = 1 << 20  # nodes of windows that are copied at once
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,10 @@ def _windows(field: Array, reach: int, combine: Callable[..., Any]) -> Array:
     """What `combine` gives for the nodes within `reach` on all sides of each, nan where none is known."""
     padded = np.pad(field, reach, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))
+    found = np.empty(field.shape)
+    rows = max(1, AT_ONCE // windows[0].size)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of windows without any number
-        return np.asarray(combine(windows, axis=(2, 3)))
+        for j in range(0, len(field), rows):
+            found[j : j + rows] = combine(windows[j : j + rows], axis=(2, 3))
+    return found

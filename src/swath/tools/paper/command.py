@@ -1,6 +1,7 @@
 """`swath paper`: the paper's figures, each a command of swath and the picture that it leaves."""
 
 import argparse
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -129,7 +130,7 @@ def write_paper(out: Path) -> Path:
         for name, words in shown.commands.items():
             parts.append(f"`{command(*words, '--out', name)}`")
             parts += [Figure(name, f"{name}/{file.name}", "") for file in sorted((out / name).glob("*.png"))]
-            pages = [p for p in ("report.html", "replay.html") if (out / name / p).is_file()]
+            pages = [p for p in ("report.html", "replay.html") if os.path.isfile(out / name / p)]
             parts.append(", ".join(f"[{name}/{page}]({name}/{page})" for page in pages))
         sections.append(Section(shown.title, parts))
     heading = f"The paper's figures, made by swath {__version__}"

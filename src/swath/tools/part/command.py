@@ -1,6 +1,7 @@
 """`swath part`: one slot of a scenario on its own."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.tools.rerun.rerun import recorded_scenario
 
     log = None
-    if args.input is not None and args.input.exists() and not is_table(args.input):
+    if args.input is not None and os.path.exists(args.input) and not is_table(args.input):
         log = open_log(args.input)
     if log is not None and args.scenario is None:
         scenario = recorded_scenario(log, args.input, args.sets)
@@ -64,7 +65,7 @@ def _run(part: Any, source: Path, log: Any, out: Path) -> None:
     comparison = None if log is None else RecordingComparison(log, [part.slot], played=())
     given = part.run(arrivals, end=end, observers=[] if comparison is None else [comparison])
     for name, samples, last in zip(FILES, (arrivals, given), (end, 0), strict=True):
-        if not (out / name).exists() or not (out / name).samefile(source):
+        if not os.path.exists(out / name) or not (out / name).samefile(source):
             write_table(out / name, part, samples, last)
         print(f"{out / name}  {len(samples)} samples")
     if comparison is not None:

@@ -1,5 +1,6 @@
 """One slot of a scenario without the others: what it takes comes from outside, what it gives is kept."""
 
+import os
 from collections import deque
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -117,4 +118,4 @@ class IsolatedPart:
 
 def is_table(path: Path) -> bool:
     """True for what is read as CSV."""
-    return path.is_file() and path.suffix.lower() in (".csv", ".txt")
+    return os.path.isfile(path) and path.suffix.lower() in (".csv", ".txt")

@@ -1,6 +1,7 @@
 """`swath reda`: where sensors detect a person, by crop and weather."""
 
 import argparse
+import os
 from typing import Any
 
 from swath.terminal.options import add_folder, former, option
@@ -45,8 +46,6 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Look, write, print what is asked most."""
-    import os
-
     from swath.core.files.place import remove
     from swath.terminal.progress import progress_bar
     from swath.terminal.tables import table
@@ -61,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
             found = run_reda(settings, processes=processes, progress=progress, kept=kept)
     except KeyboardInterrupt as error:
         goes_on = f"; what is done is in {kept}, the same command resumes from there"
-        raise type(error)(f"stopped{goes_on if kept.is_file() else ', nothing was done yet'}") from None
+        raise type(error)(f"stopped{goes_on if os.path.isfile(kept) else ', nothing was done yet'}") from None
     files = write_all(args.out, settings, found)
     remove(kept)
     table("scores", SCORE_HEAD, score_rows(settings, found))

@@ -1,6 +1,7 @@
 """A recorded run made again, with recorded signals in the place of some of its slots."""
 
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,7 +52,7 @@ class Rerun:
     def events(self) -> list[dict[str, Any]]:
         """What was changed while it was recorded, but for the slots that play the log."""
         folder = self.log.path.parent
-        events = read_events(folder) if (folder / "summary.json").is_file() else []
+        events = read_events(folder) if os.path.isfile(folder / "summary.json") else []
         return [e for e in events if ".".join(str(e["set"]).split(".")[:2]) not in self.played]
 
 
@@ -65,7 +66,7 @@ def draw_report(folder: Path) -> Path:
     check_run_folder(folder)
     check_free(folder)
     file = folder / "summary.json"
-    summary = read_summary(file, "run") if file.is_file() else None
+    summary = read_summary(file, "run") if os.path.isfile(file) else None
     plan = plan_rerun(folder, slots=None, sets=["run.record=standard"], is_all=True)
     with code_unread():
         writer = ReportWriter(of=FinishedRun(folder, summary, recorded_scenario(plan.log, folder, ())))
@@ -107,7 +108,7 @@ def recorded_scenario(
 ) -> Scenario:
     """The scenario beside the recording, or the one within it."""
     for folder in (source, log.path.parent):
-        if (folder / "scenario.yaml").is_file():
+        if os.path.isfile(folder / "scenario.yaml"):
             return load_scenario(folder / "scenario.yaml", sets=sets, flags=flags)
     stored = log.attachment("scenario.yaml")
     if stored is None:

@@ -4,6 +4,7 @@ MF4 (ASAM MDF 4.1): a group of channels for each output, with their units. BLF, 
 29 bits with one signal, a double, described by the DBC file written beside. Scans and images are left out.
 """
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -55,7 +56,7 @@ def write_run_log(folder: Path, out: Path) -> int:
 
     Raises InputError for a folder that is no run, or an ending that is none of mf4, blf and asc.
     """
-    if not (folder / RUN).is_file():
+    if not os.path.isfile(folder / RUN):
         raise InputError("run", str(folder), f"expected a run folder with {RUN}")
     write = {".mf4": _write_mf4, ".blf": _write_frames, ".asc": _write_frames}.get(out.suffix.lower())
     if write is None:

@@ -7,6 +7,7 @@ on the results so far: a tuning that was stopped takes the runs that are in a jo
 """
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -162,7 +163,7 @@ class Tuned:
 
 def source_of(case: str | Path) -> str:
     """A case as `Tune` names it, so that the folder can be gone on with from anywhere."""
-    return str(Path(case).resolve()) if Path(case).exists() else str(case)
+    return str(Path(case).resolve()) if os.path.exists(Path(case)) else str(case)
 
 
 def runs_of(tune: Tune) -> int:

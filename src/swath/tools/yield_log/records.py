@@ -3,6 +3,7 @@
 They are written as CSV, or as task data of ISO 11783-10 with one time log.
 """
 
+import os
 import struct
 import zlib
 from dataclasses import dataclass
@@ -89,7 +90,7 @@ def records_of(
     """
     check_within("--interval-s", interval, 0.05, 60.0)
     check_within("--sensor-delay-s", delay, 0.0, 60.0)
-    if not (run / "tracks.parquet").is_file():
+    if not os.path.isfile(run / "tracks.parquet"):
         raise InputError(
             "run", str(run), "expected a run folder with tracks.parquet (run.record other than none)"
         )

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def _estimate(args: argparse.Namespace) -> int:
         raise InputError("--at-most", args.at_most, "expected a probability, > 0 and < 1")
     if args.cheap_budget is not None and not args.cheap:
         raise InputError("--cheap-budget", args.cheap_budget, "expected --cheap beside it")
-    source = str(Path(args.case).resolve()) if Path(args.case).exists() else args.case
+    source = str(Path(args.case).resolve()) if os.path.exists(Path(args.case)) else args.case
     cheap_budget = (args.cheap_budget or args.budget) if args.cheap else 0
     asked = Estimate(
         source, args.limit, args.budget, tuple(args.sets), tuple(args.cheap), cheap_budget, args.draw_seed
@@ -61,7 +62,7 @@ def tell_again(found: Any) -> int:
     from swath.documents.json_file import read_object
 
     file = found.folder / SUMMARY
-    before = read_object(file, SUMMARY, "a summary") if file.is_file() else {}
+    before = read_object(file, SUMMARY, "a summary") if os.path.isfile(file) else {}
     at_most = before.get("at_most")
     return tell(found, at_most if isinstance(at_most, float) else None)
 

@@ -1,6 +1,7 @@
 """`swath test plan-field`: real passes that narrow most how far a simulation may be off."""
 
 import argparse
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ def _plan(args: argparse.Namespace) -> int:
     from swath.tools.function_test.field_plan.page import write_plan
     from swath.tools.function_test.field_plan.plan import FieldPlan, choose, plan_field, spread
 
-    source = str(Path(args.source).resolve()) if Path(args.source).exists() else args.source
+    source = str(Path(args.source).resolve()) if os.path.exists(Path(args.source)) else args.source
     asked = FieldPlan(
         source, tuple(args.other), args.metric, args.runs, args.pairs, tuple(args.sets), args.seed
     )
@@ -45,7 +46,7 @@ def _plan(args: argparse.Namespace) -> int:
         planned = plan_field(args.out, asked, max(1, args.workers), done, client)
     if args.filled is not None:
         evidence = compared(planned, args.filled)
-        for folder in (args.out, *([Path(source)] if Path(source).is_dir() else [])):
+        for folder in (args.out, *([Path(source)] if os.path.isdir(Path(source)) else [])):
             print(f"evidence  {write_evidence(folder, evidence)}: {len(evidence)} passes")
         scale = spread(planned.case, planned.conditions)
         known = [each.point for each in evidence]

@@ -11,6 +11,7 @@ doi:10.1111/1467-9868.00294).
 """
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -159,7 +160,7 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
 
 
 def _source(source: str) -> tuple[Conducted | None, Case]:
-    if Path(source).is_dir() and (found := open_campaign(open_session(Path(source), same_code=False))):
+    if os.path.isdir(Path(source)) and (found := open_campaign(open_session(Path(source), same_code=False))):
         return found, found.session.plan.found[0]
     cases = find_cases(source)
     if len(cases) != 1:

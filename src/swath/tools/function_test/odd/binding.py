@@ -5,6 +5,7 @@ A binding is a file of its own beside the OpenODD documents, which stay as their
 says what is asked of the function: scenario, limits and claim, in the words of a test case.
 """
 
+import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.resources import files
@@ -283,7 +284,7 @@ def find_odd(source: str, key: str = "--odd") -> Path:
     """The file of a bound ODD: bundled by name, or a path. InputError where there is none."""
     bundled = {path.name.removesuffix(".odd.yaml"): path for path in sorted(BUNDLED.glob("*.odd.yaml"))}
     path = bundled.get(source, Path(source))
-    if not path.exists():
+    if not os.path.exists(path):
         expected = f"expected a file or one of {', '.join(bundled)}{near_miss(source, list(bundled))}"
         raise InputError(key, source, expected)
     return path

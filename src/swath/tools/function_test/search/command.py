@@ -1,6 +1,7 @@
 """`swath test search`: the boundary of failure of a case."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ def _search(args: argparse.Namespace) -> int:
 
     if args.batch < 1:
         raise InputError("--batch", args.batch, "expected 1 run or more")
-    source = str(Path(args.case).resolve()) if Path(args.case).exists() else args.case
+    source = str(Path(args.case).resolve()) if os.path.exists(Path(args.case)) else args.case
     search = Search(source, args.limit, args.batch, tuple(args.sets))
     with progress(args.budget) as done, engine(args.cluster, args.workers) as client:
         found = run_search(args.out, search, args.budget, max(1, args.workers), done, client)

@@ -5,6 +5,7 @@ workers do them nor on who is first. A search that was stopped is gone through a
 in a journal taken from there, and goes on where it was.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -136,7 +137,7 @@ class Searched:
     def right_of(self, folder: Path) -> tuple[int, int]:
         """How many runs of another test of this case the boundary foretells, of how many."""
         table = folder / TABLE
-        if not table.is_file():
+        if not os.path.isfile(table):
             raise InputError("--check", str(folder), f"expected the folder of a function test, with {TABLE}")
         names = set(self.ranges)
         rows = [r for r in read_table(table) if r["case"] == self.case.name and names <= set(r["point"])]
