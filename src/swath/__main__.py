@@ -11,6 +11,7 @@ def main() -> int:
     While it is loaded nothing is open yet, and Ctrl-C ends it at once: some libraries make errors of their
     own of what is raised in their import.
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads spin over small matrices, on all cores
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:
         signal.signal(signal.SIGINT, _quit)
