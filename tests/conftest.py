@@ -15,6 +15,8 @@ from swath.core.apart import call
 from swath.core.foreign_code import allow_code
 from tests.driven import Driven
 
+call.is_apart = False  # in modules while they are collected; for tests see pytest_runtest_setup
+
 # A shell starts what runs in the background with Ctrl-C ignored, and every process that it starts, too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

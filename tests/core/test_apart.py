@@ -102,9 +102,14 @@ def test_an_object_stays_and_tells_its_notes(log):
 
 
 def test_a_folder_has_one_reader_and_few_stay(log, tmp_path, fresh):
-    for _ in range(3):
-        apart_probe.much(log, 0.0)
+    for name in ("a", "b", "c"):
+        log.with_name(f"{name}.log").write_text(name)
+        assert apart_probe.content(log.with_name(f"{name}.log")) == name.encode()
     assert len(call._alive) == 1
+    (tmp_path / "far.log").write_text("far")
+    log.with_name("link.log").symlink_to(tmp_path / "far.log")
+    assert apart_probe.content(log.with_name("link.log")) == b"far"  # by one that may read it, too
+    assert len(call._alive) == 2
     for number in range(call.MOST_ALIVE + 2):
         other = tmp_path / str(number) / "a.log"
         other.parent.mkdir()

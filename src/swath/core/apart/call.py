@@ -302,9 +302,10 @@ _lock = threading.Lock()
 def _process_for(path: Path, size: int, libraries: Sequence[str]) -> _Process:
     """A process that may read a file, or all in a folder; the newest that may."""
     global _of_pid
-    real = os.path.realpath(path)
     folder = str(path) if os.path.isdir(path) else str(path.parent)
-    roots, needed = frozenset((folder, os.path.realpath(folder), real)), frozenset(libraries)
+    real, beside = os.path.realpath(path), os.path.realpath(folder)
+    elsewhere = [] if real == beside or os.path.dirname(real) == beside else [real]  # a link leads there
+    roots, needed = frozenset((folder, beside, *elsewhere)), frozenset(libraries)
     with _lock:
         if _of_pid != os.getpid():  # after a fork they answer the process before
             _alive.clear()
