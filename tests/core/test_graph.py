@@ -147,7 +147,7 @@ def test_fitting_open_shape_is_accepted():
         Node(Slot("a", MS), Source(Port("o", Number, "m", (3,)))),
         Node(Slot("b", MS), Sink(Port("i", Signal, "m", (None,))), {"i": ("a", "o")}),
     ]
-    Graph(nodes, 1)
+    assert [node.wires for node in Graph(nodes, 1).nodes] == [{}, {"i": ("a", "o")}]
 
 
 @pytest.mark.parametrize(

@@ -181,12 +181,14 @@ def test_a_second_stop_does_not_wait():
 
 
 def test_a_handler_of_the_caller_stays():
-    mine = signal.signal(signal.SIGTERM, lambda number, frame: None)
+    heard = []
+    mine = signal.signal(signal.SIGTERM, lambda number, frame: heard.append(number))
     try:
         with stoppable():
             signal.raise_signal(signal.SIGTERM)
     finally:
         signal.signal(signal.SIGTERM, mine)
+    assert heard == [signal.SIGTERM]
 
 
 def test_two_runs_at_once_into_one_folder(tmp_path):

@@ -25,4 +25,6 @@ def test_one_error_says_what_to_set(wish, said):
 
 
 def test_a_part_alone_takes_from_elsewhere():
-    assemble(load_scenario("straight", sets=["combine.settings=climb"]), only=["combine.settings"]).close()
+    world = assemble(load_scenario("straight", sets=["combine.settings=climb"]), only=["combine.settings"])
+    assert list(world.machines["combine"].parts) == ["settings"]
+    world.close()
