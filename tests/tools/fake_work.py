@@ -4,7 +4,29 @@ import os
 import signal
 import time
 
-from swath.tools.function_test.one_run import no_result
+from swath.runtime.kept import KeptFields
+from swath.tools.function_test.journal import Journal
+from swath.tools.function_test.one_run import do_run, no_result
+
+
+def here(work):
+    """In the place of `run_all`: the result of each run is what `work` makes of it, in this process."""
+
+    def run_here(runs, folder, workers, done):
+        journal = Journal(folder, "here")
+        try:
+            for run in runs:
+                done(journal.add(work(run)))
+        finally:
+            journal.close()
+
+    return run_here
+
+
+def driven_here():
+    """As `here`: each run is driven."""
+    fields = KeptFields()
+    return here(lambda run: do_run(run, fields))
 
 
 def fake_work(run, fields):
@@ -40,7 +62,7 @@ def analytic_value(length, depth, stems, speed):
     return 0.12 * length * (0.4 + 0.5 * depth) + 0.0002 * abs(stems - 350) + 0.0006 * speed**2 * depth
 
 
-def analytic_work(run, fields):
+def analytic_work(run):
     """A result whose edge_rmse_m is a formula of its point; with ANALYTIC_ERRORS some crash."""
     point = run.point
     if os.environ.get("ANALYTIC_ERRORS") and point["speed_kmh"] > 9:

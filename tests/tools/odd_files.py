@@ -1,17 +1,20 @@
 """A small ODD with its binding, written into a folder, and results that a closed form makes."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from swath.core.random import Stream
-from swath.tools.function_test.journal import Journal
 from swath.tools.function_test.odd.binding import Odd, read_odd
 from swath.tools.function_test.odd.campaign import Campaign, Conducted, conduct, revision_of
+from swath.tools.function_test.odd.coverage import coverage_of
 from swath.tools.function_test.one_run import no_result
 from swath.tools.function_test.plan import PlannedRun
+from tests.tools.fake_work import here
 
 OPENODD = """
 TAXONOMY:
@@ -94,22 +97,33 @@ def result_of(run: PlannedRun, fails: bool) -> dict[str, Any]:
     met = {"t_s": at / 2.0, "distance_m": at, "slope_along_percent": 0.0 * at,
            "slope_across_percent": float(run.point[SLOPE]) * alike,
            "stems_per_m2": float(run.point[DENSITY]) * alike}  # fmt: skip
-    told = {"verdict": "fail", "reason": "made"} if fails else {"verdict": "pass", "reason": ""}
-    return {**no_result(run, ""), **told, "digest": "0", "met": {k: v.tolist() for k, v in met.items()}}
+    made = {"digest": "0", "met": {k: v.tolist() for k, v in met.items()}}
+    return {**no_result(run, ""), **told(fails), **made}
+
+
+def told(fails: bool) -> dict[str, str]:
+    """What a result says of it."""
+    return {"verdict": "fail", "reason": "made"} if fails else {"verdict": "pass", "reason": ""}
 
 
 def conducted(monkeypatch: Any, folder: Path, odd: Odd, runs: int, seed: int,
               fails: Callable[[PlannedRun, float], bool]) -> Conducted:  # fmt: skip
     """A campaign whose runs a closed form makes. fails: of a run and a number of [0, 1) that belongs to it"""
 
-    def run_here(planned: Iterable[PlannedRun], journals: Path, workers: int, done: Any) -> None:
-        journal = Journal(journals, "here")
-        for run in planned:
-            result = result_of(run, fails(run, float(Stream(seed, f"closed form {run.seed}").at(0).random())))
-            journal.add(result)
-            done(result)
-        journal.close()
+    def work(run: PlannedRun) -> dict[str, Any]:
+        return result_of(run, fails(run, float(Stream(seed, f"closed form {run.seed}").at(0).random())))
 
-    monkeypatch.setattr("swath.tools.function_test.session.run_all", run_here)
+    monkeypatch.setattr("swath.tools.function_test.session.run_all", here(work))
     campaign = Campaign(odd.name, revision_of(odd), (runs,), seed)
     return conduct(folder, campaign, odd, 1, lambda result: None)
+
+
+def failing(made: Conducted, runs: int, seed: int, fails: Callable[[Any, float], bool]) -> Conducted:
+    """The first runs of a campaign with other verdicts, in its folder; fails as of `conducted`."""
+    draws = np.random.default_rng(seed).random(runs).tolist()
+    results = [
+        {**result, **told(fails(SimpleNamespace(point=result["point"]), draw))}
+        for result, draw in zip(made.results[:runs], draws, strict=True)
+    ]
+    campaign = replace(made.campaign, budgets=(runs,))
+    return replace(made, campaign=campaign, results=results, coverage=coverage_of(made.odd, results))

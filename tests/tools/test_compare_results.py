@@ -12,6 +12,7 @@ from swath.tools.function_test.journal import write_table
 from swath.tools.function_test.judging.paired import difference, holm, verdict_test
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import begin
+from tests.tools.fake_work import driven_here
 
 FIELD_SD, NOISE_SD = 0.03, 0.006  # of a metric between fields, and of one field between two versions [m]
 
@@ -146,7 +147,8 @@ expect: {distance_m: {min: 1}}
 """
 
 
-def test_candidates_of_one_folder_that_were_run(tmp_path, capsys):
+def test_candidates_of_one_folder_that_were_run(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("swath.tools.function_test.session.run_all", driven_here())
     (tmp_path / "drives.yaml").write_text(CASE, encoding="utf-8")
     (tmp_path / "them.yaml").write_text(
         "base: {}\nnamed: {combine.edge.fault: {latency_ms: 0}}\nslow: {combine.speed.speed_kmh: 5}\n",

@@ -26,9 +26,10 @@ from swath.tools.function_test.estimate.rare import (
     rate_of,
     tempered,
 )
-from swath.tools.function_test.journal import Journal, read_journals
+from swath.tools.function_test.journal import read_journals
 from swath.tools.function_test.judging.judged import UNJUDGED
 from swath.tools.function_test.one_run import no_result
+from tests.tools.fake_work import here
 
 CASE = """
 format: swath test case 1
@@ -63,19 +64,12 @@ class Formula:
         self.side, self.shift, self.stop, self.verdict, self.done = side, shift, stop, verdict, 0
 
     def __call__(self, runs, folder, workers, done):
-        journal = Journal(folder, "here")
-        try:
-            for run in runs:
-                if self.done == self.stop:
-                    raise KeyboardInterrupt
-                self.done += 1
-                result = self.result(run)
-                journal.add(result)
-                done(result)
-        finally:
-            journal.close()
+        here(self.result)(runs, folder, workers, done)
 
     def result(self, run):
+        if self.done == self.stop:
+            raise KeyboardInterrupt
+        self.done += 1
         shares = (run.point["end_m"] - 21) / 10, (run.point["stems"] - 100) / 500
         is_cheap = any("stubble_height_m" in text for text in run.sets)
         value = 0.3 * (1 + sum(shares) - 2 + self.side + (self.shift if is_cheap else 0.0))
@@ -103,10 +97,7 @@ def none(result):
 
 
 @pytest.mark.draws
-@pytest.mark.parametrize(
-    "name",
-    ["half space, 2", "half space, 6", "sum of uniform, 2", "corner, 2", "two regions, 2", "four corners, 2"],
-)
+@pytest.mark.parametrize("name", ["half space, 6", "two regions, 2", "four corners, 2"])
 def test_the_interval_covers_a_known_probability(name):
     """25 repeats; fewer than 20 of a right interval are inside with a chance of 0.7 %."""
     assert binom.cdf(19, 25, 0.95) < 0.01
@@ -211,19 +202,19 @@ def test_a_wrong_exposure_is_refused(wrong, told):
 
 
 def test_a_case_is_estimated_and_a_stop_changes_nothing(case_file, tmp_path, runs, capsys):
-    line = ["test", "estimate", str(case_file), "--budget", "600", "--out"]
+    line = ["test", "estimate", str(case_file), "--budget", "400", "--out"]
     whole = runs(Formula())
     assert main([*line, str(tmp_path / "a"), "--at-most", "0.1"]) == 0
     said, progress = capsys.readouterr()
-    assert [line.split(" of ")[0] for line in progress.splitlines()] == [str(n) for n in range(60, 601, 60)]
+    assert [line.split(" of ")[0] for line in progress.splitlines()] == [str(n) for n in range(40, 401, 40)]
     assert "any limit broken with probability" in said
     assert "at most 0.1: shown" in said
-    assert whole.done == 600
+    assert whole.done == 400
     runs(Formula(stop=100))
     assert main([*line, str(tmp_path / "b")]) == 130
     rest = runs(Formula())
     assert main([*line, str(tmp_path / "b"), "--at-most", "1e-4"]) == 1
-    assert rest.done == 500
+    assert rest.done == 300
     a, b = (json.loads((tmp_path / name / "summary.json").read_text()) for name in "ab")
     assert a["low"] <= SELDOM <= a["high"]
     for name in ("at_most", "verdict"):
@@ -306,10 +297,10 @@ def test_runs_that_are_not_judged_leave_no_number_where_they_weigh(case_file, tm
         return {**result, **told}
 
     runs(Formula(verdict=outside))
-    found = run_estimate(tmp_path / "out", Estimate(str(case_file), budget=600), 1, none)
+    found = run_estimate(tmp_path / "out", Estimate(str(case_file), budget=400), 1, none)
     assert any("not judged: lidar beyond" in said for said in found.refusals)
     runs(Formula(verdict=lambda run, result: no_result(run, "crashed") if run.seed == 1 else result))
-    found = run_estimate(tmp_path / "one", Estimate(str(case_file), budget=600), 1, none)
+    found = run_estimate(tmp_path / "one", Estimate(str(case_file), budget=400), 1, none)
     assert found.refusals == []
 
 

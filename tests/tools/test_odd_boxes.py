@@ -67,10 +67,10 @@ def is_named(found: list[Cause], ends: dict[str, tuple[float, float]], slack: fl
 def test_a_band_inside_a_bucket_is_named(odd: Odd, low: float, high: float):
     """Its bucket passes 73 % or 87 %; elsewhere 1 % of the runs fail."""
     named = 0
-    for seed in range(12):
+    for seed in range(6):
         found = causes(odd, 400, seed, lambda point, u: low <= point[DENSITY] <= high or u < 0.01)
         named += is_named(found, {DENSITY: (low, high)})
-    assert named >= 10
+    assert named >= 5
 
 
 @pytest.mark.parametrize(
@@ -83,16 +83,15 @@ def test_a_band_inside_a_bucket_is_named(odd: Odd, low: float, high: float):
 )
 def test_attributes_that_fail_together_are_named(odd: Odd, ends: dict[str, tuple[float, float]]):
     named = 0
-    for seed in range(12):
+    for seed in range(4):
         found = causes(
             odd, 800, seed, lambda point, u: all(a <= point[n] <= b for n, (a, b) in ends.items()) or u < 0.01
         )
         named += is_named(found, ends)
-    assert named >= 10
+    assert named == 4
 
 
 @pytest.mark.parametrize("rate", [0.05, 0.3])
 def test_without_a_fault_nothing_is_named(odd: Odd, rate: float):
-    count = 40 if rate < 0.2 else 10  # a claim that is broken everywhere has no place either
-    called = sum(bool(causes(odd, 400, seed, lambda point, u: u < rate)) for seed in range(count))
-    assert called <= 0.05 * count
+    """Nor where a claim is broken everywhere."""
+    assert not any(causes(odd, 400, seed, lambda point, u: u < rate) for seed in range(8))

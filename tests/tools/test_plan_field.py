@@ -30,9 +30,9 @@ from swath.tools.function_test.field_plan.plan import (
     spread,
 )
 from swath.tools.function_test.field_plan.seen import SCANS, ScanHeights, heights_of
-from swath.tools.function_test.journal import Journal
 from swath.tools.function_test.odd.dossier import write_dossier
 from swath.tools.function_test.one_run import no_result
+from tests.tools.fake_work import driven_here, here
 from tests.tools.odd_files import DENSITY, conducted, result_of, small_odd
 from tests.tools.test_compare_log import write_log as write_engine
 from tests.tools.test_compare_steering import write_log as write_steering
@@ -42,7 +42,7 @@ format: swath test case 1
 objective: keeps its line
 source: made
 scenario: straight
-set: {run.distance_m: 12, combine.lidar.level: empirical, combine.edge: {level: truth}}
+set: {run.distance_m: 4, combine.lidar.level: empirical, combine.edge: {level: truth}}
 vary:
   crop:
     at: [wheat, barley]
@@ -68,20 +68,16 @@ def is_wrong(point):
 def levels(monkeypatch):
     """Runs are not driven: two levels differ by 1 cm, and by 20 cm where one of them is wrong."""
 
-    def run_here(runs, folder, workers, done):
-        journal = Journal(folder, "here")
-        for run in runs:
-            rng = np.random.default_rng(run.seed + 1000 * (run.candidate == OTHER))
-            off = 0.2 if run.candidate == OTHER and is_wrong(run.point) else 0.0
-            value = 0.1 + off + 0.01 * rng.standard_normal()
-            entry = {"subject": "combine", "name": "lateral_rms_m", "limit": {"max": 0.5}, "value": value,
-                     "result": "pass"}  # fmt: skip
-            result = {**no_result(run, ""), "verdict": "pass", "expect": [entry], "digest": run.id,
-                      "metrics": {"lateral_rms_m": value}}  # fmt: skip
-            done(journal.add(result))
-        journal.close()
+    def work(run):
+        rng = np.random.default_rng(run.seed + 1000 * (run.candidate == OTHER))
+        off = 0.2 if run.candidate == OTHER and is_wrong(run.point) else 0.0
+        value = 0.1 + off + 0.01 * rng.standard_normal()
+        entry = {"subject": "combine", "name": "lateral_rms_m", "limit": {"max": 0.5}, "value": value,
+                 "result": "pass"}  # fmt: skip
+        return {**no_result(run, ""), "verdict": "pass", "expect": [entry], "digest": run.id,
+                "metrics": {"lateral_rms_m": value}}  # fmt: skip
 
-    monkeypatch.setattr("swath.tools.function_test.session.run_all", run_here)
+    monkeypatch.setattr("swath.tools.function_test.session.run_all", here(work))
 
 
 def planned(folder, source, **more):
@@ -146,28 +142,15 @@ def test_a_level_that_was_never_checked_there_counts_as_far_off(case_file):
 def test_the_form_comes_back_and_becomes_evidence(case_file, levels, tmp_path, capsys):
     """A pass driven in simulation by another seed stands for the real one."""
     out = tmp_path / "a"
-    assert (
-        main(
-            [
-                "test",
-                "plan-field",
-                str(case_file),
-                "--metric",
-                "lateral_rms_m",
-                "--runs",
-                "2",
-                "--out",
-                str(out),
-            ]
-        )
-        == 0
-    )
+    line = ["test", "plan-field", str(case_file), "--metric", "lateral_rms_m", "--runs", "2"]
+    line += ["--out", str(out)]
+    assert main(line) == 0
     rows = list(csv.DictReader((out / FORM).read_text().splitlines()))
     assert len(rows) == 2
     assert "stems counted" in rows[0]["measure"]
     assert "swath compare scans" in rows[0]["record"]
     first = rows[0]
-    sets = {"run.distance_m": 12, "combine.lidar.level": "empirical", "combine.edge": "{level: truth}",
+    sets = {"run.distance_m": 4, "combine.lidar.level": "empirical", "combine.edge": "{level: truth}",
             "field.stand.crop": first["crop"], "field.stand.stems_per_m2": first["stems"]}  # fmt: skip
     changes = [word for key, value in sets.items() for word in ("--set", f"{key}={value}")]
     drive = ["run", "straight", *changes, "--seed", "77", "--no-report", "--no-replay"]
@@ -177,18 +160,7 @@ def test_the_form_comes_back_and_becomes_evidence(case_file, levels, tmp_path, c
         writer = csv.DictWriter(file, first)
         writer.writeheader()
         writer.writerows(rows)
-    again = [
-        "test",
-        "plan-field",
-        str(case_file),
-        "--metric",
-        "lateral_rms_m",
-        "--runs",
-        "2",
-        "--out",
-        str(out),
-    ]
-    assert main([*again, "--filled", str(out / "filled.csv")]) == 0
+    assert main([*line, "--filled", str(out / "filled.csv")]) == 0
     (evidence,) = csv.DictReader((out / EVIDENCE).read_text().splitlines())
     assert evidence["compared"] == "scans"
     assert 0.0 <= float(evidence["value"]) < 0.1
@@ -196,7 +168,7 @@ def test_the_form_comes_back_and_becomes_evidence(case_file, levels, tmp_path, c
     assert "2026-08-01" in (out / "report.html").read_text(encoding="utf-8")
     text = (out / "filled.csv").read_text().replace(f",{first['crop']},", ",oats,", 1)
     (out / "filled.csv").write_text(text)
-    assert main([*again, "--filled", str(out / "filled.csv")]) == 2
+    assert main([*line, "--filled", str(out / "filled.csv")]) == 2
     assert "crop = oats: expected one of wheat, barley in pass 1" in capsys.readouterr().err
 
 
@@ -204,7 +176,7 @@ def test_logs_that_come_back_are_compared_with_the_machine(case_file, levels, tm
     """A steering log of one pass and an engine log of another: the numbers of `swath compare log`."""
     plan = planned(tmp_path / "a", case_file, pairs=12, runs=3)
     rows = list(csv.DictReader(write_form(plan).read_text().splitlines()))
-    write_steering(tmp_path / "steer.csv", passes=6, rate=5)
+    write_steering(tmp_path / "steer.csv", passes=6, seconds=6.0, rate=5)
     write_engine(tmp_path / "engine.csv", machines=1, count=200)
     rows[0]["log"], rows[1]["log"] = "steer.csv", "engine.csv"
     with (tmp_path / "filled.csv").open("w", newline="") as file:
@@ -247,9 +219,10 @@ def test_the_mean_distance_of_quantiles_is_how_far_heights_lie_apart(case_file):
     assert heights_of(ScanHeights(setup).metrics()) is None
 
 
-def test_levels_are_compared_by_what_scanners_see(case_file, tmp_path):
+def test_levels_are_compared_by_what_scanners_see(case_file, tmp_path, monkeypatch):
     """A lower crop breaks no limit of a detector that knows the truth; its echoes lie lower."""
-    case_file.write_text(CASE.replace("distance_m: 12", "distance_m: 0.6"), encoding="utf-8")
+    case_file.write_text(CASE.replace("distance_m: 4", "distance_m: 0.4"), encoding="utf-8")
+    monkeypatch.setattr("swath.tools.function_test.session.run_all", driven_here())
     asked = FieldPlan(str(case_file), metric=SCANS, pairs=8, runs=2, other=("field.stand.height_factor=0.7",))
     found = plan_field(tmp_path / "a", asked, 1, lambda result: None)
     assert all(0.02 < c.apart < 1.0 for c in found.conditions)
@@ -272,15 +245,11 @@ def test_a_dossier_says_what_is_not_shown_and_shows_the_evidence(tmp_path, monke
     folder = tmp_path / "dossier"
     made = conducted(monkeypatch, folder, small_odd(tmp_path), 60, 3, lambda run, number: False)
 
-    def run_here(runs, journals, workers, done):
-        journal = Journal(journals, "here")
-        for run in runs:
-            off = 0.5 if run.candidate == OTHER and run.point[DENSITY] > 500 else 0.001 * (run.seed % 5)
-            result = {**result_of(run, False), "metrics": {"lateral_rms_m": off}}
-            done(journal.add(result))
-        journal.close()
+    def work(run):
+        off = 0.5 if run.candidate == OTHER and run.point[DENSITY] > 500 else 0.001 * (run.seed % 5)
+        return {**result_of(run, False), "metrics": {"lateral_rms_m": off}}
 
-    monkeypatch.setattr("swath.tools.function_test.session.run_all", run_here)
+    monkeypatch.setattr("swath.tools.function_test.session.run_all", here(work))
     other = ("combine.motion.level=single_track",)
     found = planned(tmp_path / "a", folder, other=other, runs=3, pairs=30)
     assert all(0.0 < c.unshown <= 1.0 for c in found.conditions)
