@@ -11,6 +11,7 @@ cannot slip through, so w / (narrowest part) + 1 rays stand for the whole width:
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 from math import ceil
 
 import numpy as np
@@ -48,7 +49,7 @@ class Stems:
 
     def tips(self) -> tuple[F64, F64]:
         """Heights of tips [m] and how often each occurs."""
-        score = np.linspace(-CUTOFF, CUTOFF, 121)
+        score = np.linspace(-CUTOFF, CUTOFF, 61)
         share = np.exp(-0.5 * score**2)
         return self.tip * (1.0 + self.tip_cv * score), share / share.sum()
 
@@ -62,6 +63,7 @@ class Moments:
     ground: float
 
 
+@cache
 def closed_form(stems: Stems, depression: float, width: float = 0.0, *, round_ends: bool = False) -> Moments:
     """Moments of first returns. depression [rad]; width of the spot [m], 0 = one thin ray."""
     z: F64 = np.asarray(

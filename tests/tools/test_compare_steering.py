@@ -83,7 +83,7 @@ SCENARIO = """
 format: swath scenario 2
 name: weave
 seed: {seed}
-run: {{max_duration_s: 130, distance_m: 1000}}
+run: {{max_duration_s: 70, distance_m: 1000}}
 field:
   terrain: {{level: formula, slope_percent: 0, roughness_class: C}}
   stand: {{level: uniform}}
@@ -105,7 +105,7 @@ expect: {{}}
 
 @pytest.fixture(scope="module")
 def weaved(tmp_path_factory):
-    """Tracks of a run of a machine with other numbers, with noise, as a log; and those numbers."""
+    """Tracks of a run of a machine with other numbers, with noise, as logs of 50 and 12.5 Hz; its numbers."""
     import pyarrow.parquet as pq
 
     from swath.documents.yaml_document import dump
@@ -126,8 +126,10 @@ def weaved(tmp_path_factory):
     columns = [
         np.array(tracks[n], float) + noise.get(n, 0.0) * rng.normal(size=len(tracks["t_s"])) for n in names
     ]
-    rows = [",".join(names), *(",".join(f"{v:.9g}" for v in row) for row in zip(*columns, strict=True))]
-    (folder / "log.csv").write_text("\n".join(rows) + "\n")
+    columns.append(columns[0] // 10.0)
+    rows = [",".join(f"{v:.9g}" for v in row) for row in zip(*columns, strict=True)]
+    for name, step in (("log.csv", 1), ("coarse.csv", 4)):
+        (folder / name).write_text("\n".join([",".join([*names, "pass"]), *rows[::step]]) + "\n")
     return folder, truth
 
 
@@ -138,9 +140,11 @@ def within(part, truth):
     }
 
 
+@pytest.mark.draws
 def test_a_run_of_another_machine_gives_its_numbers_back(weaved):
     folder, truth = weaved
-    steering, motion = compare_steering("lexion-700", folder / "log.csv").parts
+    (steering,) = compare_steering("lexion-700", folder / "log.csv", fit=list(truth)[:3]).parts
+    (motion,) = compare_steering("lexion-700", folder / "coarse.csv", fit=list(truth)[3:5]).parts
     assert within(steering, truth) == dict.fromkeys(list(truth)[:3], True)
     assert within(motion, truth) == {"tyres.understeer_deg_per_g": True, "tyres.front_relaxation_m": True}
     for f in (*steering.fitted[:3], motion.fitted[1]):
@@ -149,19 +153,18 @@ def test_a_run_of_another_machine_gives_its_numbers_back(weaved):
         assert part.rmse[2] < 0.5 * part.rmse[0]
 
 
+@pytest.mark.draws
 def test_positions_alone_tell_the_motion(weaved):
     folder, truth = weaved
     keys = ["tyres.understeer_deg_per_g", "tyres.front_relaxation_m"]
-    head, *rows = (folder / "log.csv").read_text().splitlines()
-    (folder / "ten.csv").write_text("\n".join([head, *rows[::5]]) + "\n")  # 10 Hz, as receivers do
-    (motion,) = compare_steering("lexion-700", folder / "ten.csv", on="place", fit=keys).parts
+    (motion,) = compare_steering("lexion-700", folder / "coarse.csv", on="place", fit=keys).parts
     assert within(motion, truth) == dict.fromkeys(keys, True)
     assert motion.fitted[1].high - motion.fitted[1].low < 0.2 * 1.3
     assert motion.rmse[1] == pytest.approx(1.0, abs=0.2)  # cm: the noise of the positions
 
 
 def test_positions_of_an_antenna_and_a_command_tell_both(tmp_path):
-    path = write_log(tmp_path / "log.csv", seed=2, passes=8)
+    path = write_log(tmp_path / "log.csv", seed=2, passes=7, seconds=14.0, rate=10)
     made = compare_steering("lexion-700", path, on="place", antenna=ANTENNA)
     steering, motion = made.parts
     assert all(within(steering, TRUE).values())
@@ -173,7 +176,7 @@ def test_positions_of_an_antenna_and_a_command_tell_both(tmp_path):
 
 def test_what_a_log_does_not_show_is_left_as_it_was(tmp_path):
     gentle = {**TRUE, "steering.rate_deg_s": 60.0}
-    path = write_log(tmp_path / "log.csv", truth=gentle, passes=7, seconds=8.0)
+    path = write_log(tmp_path / "log.csv", truth=gentle, passes=7, seconds=8.0, rate=10)
     made = compare_steering("lexion-700", path, fit=["steering.rate_deg_s", "steering.lag_s"])
     rows = path.read_text().splitlines()
     slow = [rows[0], *(",".join([*r.split(",")[:3], "0", *r.split(",")[4:]]) for r in rows[1:])]
@@ -225,9 +228,8 @@ def test_logs_that_cannot_tell_are_refused(tmp_path, capsys, rows, message):
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.drawn
 def test_the_command_writes_a_sheet_that_runs(tmp_path, capsys):
-    path = write_log(tmp_path / "log.csv", passes=6, seconds=8.0)
+    path = write_log(tmp_path / "log.csv", passes=6, seconds=8.0, rate=10)
     assert main(["compare", "log", "lexion-700", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "steering.dead_time_s" in capsys.readouterr().out
     found = json.loads((tmp_path / "out" / "results.json").read_text())["parts"]
