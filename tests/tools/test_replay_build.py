@@ -170,8 +170,7 @@ def test_a_recording_that_breaks_off_is_read_up_to_there(tmp_path):
     assert note.endswith(" s")
     assert 6.0 < float(note.split()[-2]) < 16.0
     assert count == 1
-    full = build_height_map(open_source(tmp_path / "big.mcap", Wanted()), Settings(reach_m=8.0))
-    assert 0.3 * full.about["scans"] < grid.about["scans"] < full.about["scans"]
+    assert 60 < grid.about["scans"] < 200
     path.write_bytes(whole[:40])
     with pytest.raises(InputError, match="expected messages, there are none"):
         open_source(path, Wanted())

@@ -41,7 +41,7 @@ def test_rays_hit_the_drawn_stems(ground):
     from swath.rays.engine import RayCaster
 
     rng = np.random.default_rng(1)
-    count = 1500
+    count = 900
     x, y = AT[0] + rng.uniform(-0.8, 0.8, count), AT[1] + rng.uniform(-1.2, 1.2, count)
     target = np.stack([x, y, np.zeros(count)], axis=1)
     origin = target + np.array([-4.0, 3.0, 3.0])

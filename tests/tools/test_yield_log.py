@@ -23,9 +23,9 @@ from swath.tools.yield_log.records import records_of
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """45 s along the straight edge: long enough that grain has passed the whole machine."""
+    """35 s along the straight edge: long enough that grain has passed the whole machine."""
     out = tmp_path_factory.mktemp("run") / "r"
-    sets = ["run.distance_m=80", "combine.lidar=off", "combine.edge=truth", "expect={}"]
+    sets = ["run.distance_m=62", "combine.lidar=off", "combine.edge=truth", "expect={}"]
     run_job(load_scenario("straight", sets=sets), out, progress=False)
     return out
 
