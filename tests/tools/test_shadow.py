@@ -30,7 +30,7 @@ def scenario(*sets):
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory):
+def shadowed(tmp_path_factory):
     """A run with three shadows: the detector at the wheel, the same with a fault, another one."""
     shadows = {
         "same": scenario(),
@@ -40,23 +40,23 @@ def driven(tmp_path_factory):
     return run_job(scenario(), tmp_path_factory.mktemp("run") / "run", hooks=[ShadowHook(shadows)])
 
 
-def test_a_shadow_of_the_detector_at_the_wheel_says_the_same(driven):
-    same = driven.summary["shadow"]["same"]
-    edge = {k: v for k, v in driven.summary.items() if k in same["metrics"]}
+def test_a_shadow_of_the_detector_at_the_wheel_says_the_same(shadowed):
+    same = shadowed.summary["shadow"]["same"]
+    edge = {k: v for k, v in shadowed.summary.items() if k in same["metrics"]}
     assert same["metrics"] == edge
     assert edge["edge_sample_count"] > 20
 
 
-def test_another_detector_says_something_else(driven):
-    told = driven.summary["shadow"]
+def test_another_detector_says_something_else(shadowed):
+    told = shadowed.summary["shadow"]
     assert len({one["digest"] for one in told.values()}) == 3
     shift = told["biased"]["metrics"]["edge_bias_m"] - told["same"]["metrics"]["edge_bias_m"]
     assert shift == pytest.approx(-0.10, abs=1e-9)  # to the left, away from the crop
     assert told["otsu"]["metrics"]["edge_rmse_m"] != told["same"]["metrics"]["edge_rmse_m"]
 
 
-def test_shadows_do_not_change_the_run(driven, tmp_path):
-    assert run_job(scenario(), tmp_path / "run").summary["digest"] == driven.summary["digest"]
+def test_shadows_do_not_change_the_run(shadowed, tmp_path):
+    assert run_job(scenario(), tmp_path / "run").summary["digest"] == shadowed.summary["digest"]
 
 
 def test_only_the_detector_may_differ(tmp_path):
@@ -65,7 +65,7 @@ def test_only_the_detector_may_differ(tmp_path):
         run_job(scenario(), tmp_path / "run", hooks=[hook])
 
 
-def test_a_detector_on_stored_scans_needs_no_world(driven, monkeypatch):
+def test_a_detector_on_stored_scans_needs_no_world(shadowed, monkeypatch):
     """The same samples as in shadow: their digest."""
 
     def refuse(*args, **options):
@@ -73,14 +73,14 @@ def test_a_detector_on_stored_scans_needs_no_world(driven, monkeypatch):
 
     monkeypatch.setattr("swath.runtime.assembly.build_field", refuse)
     for name, sets in (("same", {}), ("otsu", {"combine.edge": "otsu"})):
-        edges, digest = swath.detect(driven.folder, sets=sets), Digest()
+        edges, digest = swath.detect(shadowed.folder, sets=sets), Digest()
         period = 40_000_000
         for number, edge in enumerate(edges):
             digest("combine.edge", number * period, {"edge": edge})
-        assert digest.hex == driven.summary["shadow"][name]["digest"]
-    assert same(swath.detect(driven.folder), told(driven.folder))
+        assert digest.hex == shadowed.summary["shadow"][name]["digest"]
+    assert same(swath.detect(shadowed.folder), told(shadowed.folder))
     with pytest.raises(InputError, match="expected a part of control"):
-        swath.detect(driven.folder, slot="lidar")
+        swath.detect(shadowed.folder, slot="lidar")
 
 
 def told(folder):
@@ -142,20 +142,20 @@ def test_a_part_on_stored_samples_sees_of_a_tick_what_it_saw_in_the_run(tmp_path
     assert recorded[-1].offset > 0.0  # the command of the tick before
 
 
-def test_tracks_hold_how_sure_an_edge_is_and_the_crop(driven):
-    tracks = read_tracks(driven.folder / "tracks.parquet")
-    last = told(driven.folder)[-1]
+def test_tracks_hold_how_sure_an_edge_is_and_the_crop(shadowed):
+    tracks = read_tracks(shadowed.folder / "tracks.parquet")
+    last = told(shadowed.folder)[-1]
     assert tracks["edge_offset_sd_m"][-1] == pytest.approx(last.offset_sd, rel=1e-6)
     assert tracks["edge_crop_height_m"][-1] == pytest.approx(last.crop_height, rel=1e-6)
 
 
-def test_the_five_lines_of_the_page_run(driven, capsys):
+def test_the_five_lines_of_the_page_run(shadowed, capsys):
     text = (ROOT / "docs" / "how-to" / "function-tests.md").read_text(encoding="utf-8")
     lines = text.partition("```py\n")[2].partition("```")[0]
     own = f"{ROOT / 'examples' / 'my_edge_detector.py'}:MyEdgeDetector"
-    lines = lines.replace("runs/tuesday", str(driven.folder)).replace("my_detector.py:MyEdgeDetector", own)
+    lines = lines.replace("runs/tuesday", str(shadowed.folder)).replace("my_detector.py:MyEdgeDetector", own)
     exec(compile(lines, "function-tests.md", "exec"), {})
-    assert capsys.readouterr().out.count(f" of {len(swath.detect(driven.folder))}\n") == 2
+    assert capsys.readouterr().out.count(f" of {len(swath.detect(shadowed.folder))}\n") == 2
 
 
 CASE = """
