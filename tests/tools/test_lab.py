@@ -288,17 +288,14 @@ def test_a_larger_spot_sees_higher_crop():
             assert found[density, SENSORS[1], degrees][0] > found[density, SENSORS[0], degrees][0] + 0.01
 
 
-@pytest.mark.parametrize(
-    ("density", "degrees"),
-    [(200.0, 30.0), *(pytest.param(*at, marks=pytest.mark.draws) for at in ((600.0, 45.0), (200.0, 60.0)))],
-)
-def test_replay_of_passes_aside_agrees(density, degrees):
+@pytest.mark.parametrize("degrees", [30.0, pytest.param(60.0, marks=pytest.mark.draws)])
+def test_replay_of_passes_aside_agrees(degrees):
     """The lab records passes 0.3 m aside for replay: within 2 cm of plants, in thin crop too.
 
     Three stands of 1312 beams together: from one thin stand to the next plants itself moves by 2 to 4 cm.
     """
     settings = Settings(
-        densities=(density,),
+        densities=(200.0,),
         sensors=SENSORS[:1],
         depressions_deg=(degrees,),
         levels=("plants", "replay"),
