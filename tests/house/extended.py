@@ -1,4 +1,4 @@
-"""A copy of the package with something added, run as its own process."""
+"""A copy of the package with something added, run in a process of its own."""
 
 import json
 import os
@@ -28,6 +28,14 @@ machines:
     motion: {start_speed_kmh: 7}
     lidar: {sub_rays: 3, sector_deg: [-40, 40], step_deg: 1.0}
 """
+MAIN = """
+import contextlib, io, json, sys
+from swath.commands.main import main
+for words in json.load(sys.stdin):
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        code = main(words)
+    print(json.dumps([code, said.getvalue()]))
+"""
 
 
 class Extended:
@@ -55,24 +63,19 @@ class Extended:
         own, first = _files(self.package), _files(SOURCE)
         return {path for path in own.keys() | first.keys() if own.get(path) != first.get(path)}
 
-    def run(self, scenario, *flags):
-        """Run a scenario's text; (exit status, folder of the run)."""
-        file, out = self.folder / "toy.yaml", self.folder / "run"
-        file.write_text(scenario, encoding="utf-8")
-        done = self.command("run", file, "--out", out, "--quiet", *flags)
-        assert (out / "summary.json").is_file(), done.stdout + done.stderr
-        return done.returncode, out
-
-    def command(self, *words):
-        """A command line of the copy."""
-        return subprocess.run(
-            [sys.executable, "-m", "swath.commands.main", *map(str, words)],
+    def commands(self, *lines):
+        """Command lines of the copy, all in one process: (exit code, what it printed) of each."""
+        done = subprocess.run(
+            [sys.executable, "-c", MAIN],
+            input=json.dumps([[str(word) for word in words] for words in lines]),
             env={**os.environ, "PYTHONPATH": str(self.package.parent)},
             cwd=self.folder,
             capture_output=True,
             text=True,
             check=False,
         )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return [json.loads(line) for line in done.stdout.splitlines()]
 
 
 def _files(package):

@@ -1,4 +1,4 @@
-"""How many files an addition touches: a toy of every kind is added to a copy, and works there."""
+"""How many files an addition touches: a toy of every kind is added to one copy, and works there."""
 
 import numpy as np
 import pytest
@@ -132,11 +132,6 @@ HABIT = Habit(make, yields=BareYield)
 '''
 
 
-@pytest.fixture
-def extended(tmp_path):
-    return Extended(tmp_path)
-
-
 def sheet(kind, name, *changes):
     """A bundled data sheet's text with pieces of it replaced."""
     text = (SOURCE / "data" / kind / f"{name}.yaml").read_text(encoding="utf-8")
@@ -146,7 +141,7 @@ def sheet(kind, name, *changes):
     return text
 
 
-def test_a_kind_of_sensor_touches_four_files(extended):
+def add_a_kind_of_sensor(extended):
     extended.write("signals/air_speed.py", SIGNAL)
     extended.write("sensing/air_speed/__init__.py", '"""Levels of air speed."""\n')
     extended.write("sensing/air_speed/scaled.py", SENSOR)
@@ -154,10 +149,72 @@ def test_a_kind_of_sensor_touches_four_files(extended):
     before = "\n_STATE = "
     extended.change(slots, before, "from swath.signals.air_speed import AirSpeed\n" + before)
     extended.change(slots, '    _of_control(\n        "edge",\n', SLOT)
-    assert len(extended.touched()) == 4
-    slots = "    air_speed: scaled\n    air_speed_rear: {scale: 1.5, rate_hz: 5}\n"
-    status, out = extended.run(SCENARIO + slots)
-    assert status == 0
+
+
+def add_a_crop_habit(extended):
+    extended.write("field/plants/asparagus.py", HABIT)
+    changes = (
+        ("name: stubble", "name: asparagus"),
+        ("habit: stubble", "habit: asparagus"),
+        ("height_cm: {value: 15,", "height_cm: {value: 80,"),
+    )
+    extended.write("data/crops/asparagus.yaml", sheet("crops", "stubble", *changes))
+
+
+def add_a_type_of_machine(extended):
+    last = '    "truck": _VEHICLE,\n'
+    new = '    "sprayer": {**_VEHICLE, "gnss": "ideal"},\n'
+    extended.change("scenario/machine_types.py", last, last + new)
+    text = sheet("machines", "tractor-grain-cart", ("type: tractor_with_trailer", "type: sprayer"))
+    (extended.folder / "own.yaml").write_text(text[: text.index("trailer:\n")], encoding="utf-8")
+
+
+ADDITIONS = {
+    "sensor": add_a_kind_of_sensor,
+    "metric": lambda extended: extended.write("judge/evaluators/top_speed.py", METRIC),
+    "detector": lambda extended: extended.write("control/edge/fixed_height.py", DETECTOR),
+    "habit": add_a_crop_habit,
+    "machine": add_a_type_of_machine,
+}
+SCENARIOS = {
+    "measured": f"{SCENARIO}    air_speed: scaled\n    air_speed_rear: {{scale: 1.5, rate_hz: 5}}\n"
+    "expect: {combine: {top_speed_m_s: {max: 0.5}}}\n",
+    "detector": SCENARIO.replace("distance_m: 3, max_duration_s: 6", "distance_m: 22, max_duration_s: 20")
+    + "    start: {offset_m: 0.3}\n    edge: fixed_height\n",
+    "habit": SCENARIO.replace("level: uniform,", "level: uniform, crop: asparagus,"),
+    "machine": SCENARIO[: SCENARIO.index("machines:")]
+    + "machines: {sprayer: {machine: own.yaml, speed: {speed_kmh: 6}}}\n",
+}
+
+
+class Added:
+    """touched: files by addition; status and out: exit code and folder by run; listed: what is printed."""
+
+    def __init__(self, extended):
+        self.touched, before = {}, set()
+        for name, add in ADDITIONS.items():
+            add(extended)
+            self.touched[name] = extended.touched() - before
+            before |= self.touched[name]
+        self.out, runs = {name: extended.folder / name for name in SCENARIOS}, []
+        for name, text in SCENARIOS.items():
+            (extended.folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+            runs.append(["run", f"{name}.yaml", "--out", self.out[name], "--quiet", "--no-report"])
+        *ran, levels, metrics = extended.commands(
+            *runs, ["levels", "air_speed"], ["metrics", "top_speed_m_s"]
+        )
+        self.status = {name: code for name, (code, _) in zip(SCENARIOS, ran, strict=True)}
+        self.listed = levels[1] + metrics[1]
+
+
+@pytest.fixture(scope="module")
+def added(tmp_path_factory):
+    return Added(Extended(tmp_path_factory.mktemp("extended")))
+
+
+def test_a_kind_of_sensor_touches_four_files(added):
+    assert len(added.touched["sensor"]) == 4
+    out = added.out["measured"]
     found = messages(out, "/combine/air_speed/speed")
     assert {schema for schema, _ in found} == {"swath_msgs/msg/AirSpeed"}
     assert len(found) > 20
@@ -168,65 +225,43 @@ def test_a_kind_of_sensor_touches_four_files(extended):
     speeds = {(m.header.stamp.sec, m.header.stamp.nanosec): m.speed for _, m in found}
     last = rear[-1].header.stamp
     assert rear[-1].speed == pytest.approx(1.5 * speeds[last.sec, last.nanosec], rel=0.02)
-    assert "air_speed" in extended.command("levels", "air_speed").stdout
+    assert "air_speed" in added.listed
 
 
-def test_a_metric_touches_one_file(extended):
-    extended.write("judge/evaluators/top_speed.py", METRIC)
-    assert len(extended.touched()) == 1
-    status, out = extended.run(SCENARIO + "expect: {combine: {top_speed_m_s: {max: 0.5}}}\n")
-    assert status == 1  # driven faster than the limit
-    assert summary(out)["top_speed_m_s"] == pytest.approx(7 / 3.6, rel=0.05)
-    (limit,) = (e for e in summary(out)["expect"] if e["name"] == "top_speed_m_s")
+def test_a_metric_touches_one_file(added):
+    assert len(added.touched["metric"]) == 1
+    assert added.status["measured"] == 1  # driven faster than the limit
+    told = summary(added.out["measured"])
+    assert told["top_speed_m_s"] == pytest.approx(7 / 3.6, rel=0.05)
+    (limit,) = (e for e in told["expect"] if e["name"] == "top_speed_m_s")
     assert limit["result"] == "fail"
-    assert "highest speed driven" in extended.command("metrics", "top_speed_m_s").stdout
+    assert "highest speed driven" in added.listed
 
 
-def test_an_edge_detector_touches_one_file(extended):
-    extended.write("control/edge/fixed_height.py", DETECTOR)
-    assert len(extended.touched()) == 1
-    drives = SCENARIO.replace("distance_m: 3, max_duration_s: 6", "distance_m: 22, max_duration_s: 20")
-    status, out = extended.run(drives + "    start: {offset_m: 0.3}\n    edge: fixed_height\n")
-    tracks = columns(out)
-    aside = finite(tracks["lateral_error_m"])
-    assert status == 0
-    assert summary(out)["detection_availability"] > 0.9
+def test_an_edge_detector_touches_one_file(added):
+    assert len(added.touched["detector"]) == 1
+    assert added.status["detector"] == 0
+    aside = finite(columns(added.out["detector"])["lateral_error_m"])
+    assert summary(added.out["detector"])["detection_availability"] > 0.9
     assert abs(aside[0]) > 0.15
     assert np.abs(aside[-len(aside) // 10 :]).max() < 0.1  # it came back to the edge
 
 
-def test_a_crop_habit_touches_two_files(extended):
-    extended.write("field/plants/asparagus.py", HABIT)
-    changes = (
-        ("name: stubble", "name: asparagus"),
-        ("habit: stubble", "habit: asparagus"),
-        ("height_cm: {value: 15,", "height_cm: {value: 80,"),
-    )
-    spear = sheet("crops", "stubble", *changes)
-    extended.write("data/crops/asparagus.yaml", spear)
-    assert len(extended.touched()) == 2
-    status, out = extended.run(SCENARIO.replace("level: uniform,", "level: uniform, crop: asparagus,"))
-    assert status == 0
-    metrics = summary(out)
-    assert metrics["mass_balance_error"] < 1e-9
-    tracks = columns(out)
+def test_a_crop_habit_touches_two_files(added):
+    assert len(added.touched["habit"]) == 2
+    assert added.status["habit"] == 0
+    assert summary(added.out["habit"])["mass_balance_error"] < 1e-9
+    tracks = columns(added.out["habit"])
     assert np.isfinite(np.asarray(tracks["edge_offset_m"], float)).mean() > 0.5  # rays meet a step of 0.6 m
     assert finite(tracks["edge_offset_m"])[-1] == pytest.approx(finite(tracks["edge_true_m"])[-1], abs=0.5)
     fed = 300 * 0.34e-3 * 12.0 * finite(tracks["speed_m_s"])[-1]  # of whole spears [kg/s]
     assert 0.2 * fed < finite(tracks["feeder_flow_kg_s"])[-1] < fed
 
 
-def test_a_type_of_machine_touches_one_file(extended):
-    last = '    "truck": _VEHICLE,\n'
-    new = '    "sprayer": {**_VEHICLE, "gnss": "ideal"},\n'
-    extended.change("scenario/machine_types.py", last, last + new)
-    assert len(extended.touched()) == 1
-    text = sheet("machines", "tractor-grain-cart", ("type: tractor_with_trailer", "type: sprayer"))
-    (extended.folder / "own.yaml").write_text(text[: text.index("trailer:\n")], encoding="utf-8")
-    head = SCENARIO[: SCENARIO.index("machines:")]
-    status, out = extended.run(head + "machines: {sprayer: {machine: own.yaml, speed: {speed_kmh: 6}}}\n")
-    assert status == 0
-    resolved = (out / "scenario.yaml").read_text(encoding="utf-8")
+def test_a_type_of_machine_touches_one_file(added):
+    assert len(added.touched["machine"]) == 1
+    assert added.status["machine"] == 0
+    resolved = (added.out["machine"] / "scenario.yaml").read_text(encoding="utf-8")
     there = [slot for slot in ("motion", "gnss", "lidar", "header") if f"    {slot}:" in resolved]
     assert there == ["motion", "gnss"]
-    assert messages(out, "/sprayer/gnss/fix_odometry")
+    assert messages(added.out["machine"], "/sprayer/gnss/fix_odometry")
