@@ -85,7 +85,7 @@ class GridField:
         nx, ny = int(self.size[0] / self.cell), int(self.size[1] / self.cell)
         x = self.low[0] + (np.arange(nx) + 0.5) * self.cell
         y = self.low[1] + (np.arange(ny) + 0.5) * self.cell
-        self.x, self.y = np.meshgrid(x, y)
+        self.x, self.y = np.meshgrid(x, y, copy=False)
         self.crop = self.nominal_edge.signed_distance(self.x, self.y) > 0
         self.crop &= (self.x < self.gap[0]) | (self.x > self.gap[1])
         self.is_cut = np.zeros_like(self.crop)

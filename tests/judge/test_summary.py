@@ -11,7 +11,7 @@ from tests.evaluated import evaluation_of
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
 
-def make(*names, seconds=12.0, **limits):
+def make(*names, seconds=6.0, **limits):
     ground = GridField(ArcEdge())
     expect = [Expectation(*name.split("."), Limit(**limit)) for name, limit in limits.items()]
     evaluation = evaluation_of(ground, *(machine(name=name) for name in names), expect=expect)
