@@ -3,7 +3,7 @@
     nice python -m benchmarks.credibility [--distance 10] [CASE ...]
     nice python -m benchmarks.credibility --ends [--distance 25] [QUANTITY ...]
 
-The first run of every case over its first metres. 20 runs outside: tests/runtime/test_credibility.py.
+The first run of every case over its first metres. Runs outside: tests/runtime/test_credibility.py.
 
 `--ends` drives `straight` just inside and just outside of every end of a range of its slots, and of the plain
 values where there is none: by how much `lateral_rms_m` differs from that at plain values and from that with
