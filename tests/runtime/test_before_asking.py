@@ -11,7 +11,7 @@ from swath.scenario.scenario import parse_scenario
 TEXT = """
 format: swath scenario 2
 name: paused
-run: {distance_m: 100, max_duration_s: 30}
+run: {distance_m: 100, max_duration_s: 1}
 realtime: {factor: 20, grace_s: 0}
 field: {edge: {shape: straight}}
 machines:
