@@ -1,6 +1,7 @@
-"""A process written only with rclpy and standard messages: answers each step of a slot with the same numbers.
+"""A process written only with rclpy and standard messages: answers each step of a slot with the next numbers
+of a list, and all further ones with the last.
 
-python ros2_fixed_node.py NODE_NAME /combine/process '{"load.tank_grain": 1.0, ...}'
+python ros2_fixed_node.py NODE_NAME /combine/process '[{"load.tank_grain": 1.0, ...}, ...]'
 """
 
 import json
@@ -13,12 +14,13 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 
-def main(name, slot, numbers):
+def main(name, slot, answers):
     rclpy.init()
     node = Node(name)
     publisher = node.create_publisher(JointState, f"{slot}/answer", 10)
 
     def on_step(step):
+        numbers = answers.pop(0) if len(answers) > 1 else answers[0]
         answer = JointState()
         answer.header.stamp = step.header.stamp
         answer.name, answer.position = list(numbers), [float(v) for v in numbers.values()]

@@ -18,10 +18,10 @@ NAV2 = EXAMPLES.parent / "nav2"
 def test_the_machine_drives_the_plan(tmp_path):
     out = tmp_path / "run"
     with node(NAV2 / "controller_node.py"):
-        words = ["--ros2", "--real-time", "--set", "run.max_duration_s=12", "--set", "combine.lidar=off"]
-        assert (
-            main(["run", str(NAV2 / "field.yaml"), *words, "--out", str(out), "--quiet", "--no-replay"]) == 0
-        )
+        words = ["run", str(NAV2 / "field.yaml"), "--ros2", "--real-time", "--out", str(out), "--quiet"]
+        for key in ("run.max_duration_s=12", "combine.lidar=off", "realtime.spin_ms=0"):
+            words += ["--set", key]
+        assert main([*words, "--no-replay", "--no-report"]) == 0
     way = runpy.run_path(str(NAV2 / "controller_node.py"))["way"]
     tracks = pq.read_table(out / "tracks.parquet").to_pydict()
     x, y = np.array(tracks["x_m"]), np.array(tracks["y_m"])
@@ -39,7 +39,7 @@ def test_the_names_of_the_parameters_are_topics_and_frames_of_the_run(tmp_path):
     scenario = (NAV2 / "field.yaml").read_text(encoding="utf-8")
     plain = tmp_path / "field.yaml"
     plain.write_text(scenario.replace("level: twist, topic: /cmd_vel, hold_s: 1.0", "level: constant"))
-    words = ["--set", "run.max_duration_s=0.5", "--out", str(out), "--quiet", "--no-replay"]
+    words = ["--set", "run.max_duration_s=0.5", "--out", str(out), "--quiet", "--no-replay", "--no-report"]
     assert main(["run", str(plain), *words]) == 0
     with (out / "run.mcap").open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])

@@ -11,7 +11,7 @@ from pyarrow.parquet import read_table
 
 from swath.runtime.changes import read_events
 from swath.runtime.job import run_job
-from swath.scenario.scenario import load_scenario, parse_scenario
+from swath.scenario.scenario import parse_scenario
 from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
 
 pytestmark = needs_ros2
@@ -59,7 +59,7 @@ def recorded(folder, topic):
 def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, bridge, tmp_path):  # noqa: F811
     report, out = tmp_path / "report.json", tmp_path / "run"
     pairs = [f"{topic}={kind}" for topic, kind in LISTENED.items()]
-    scenario = parse_scenario(TEXT)
+    scenario = parse_scenario(TEXT, sets=["run.max_duration_s=1"])
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
         summary = run_job(scenario, out, hooks=[bridge]).summary
         listener.communicate("", timeout=600)
@@ -67,20 +67,18 @@ def test_every_message_is_the_one_in_the_file_and_time_is_simulated(domain, brid
     assert found["reply"] == "running at 0 s"
     for topic, hashes in found["got"].items():
         sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
-        every = len(sent) // 100  # of the machine's state, of which the file has 200 a second
+        every = len(sent) // 50  # of the machine's state, of which the file has 200 a second
         assert hashes == sent[every - 1 :: every], topic
-        assert len(hashes) == 100, topic
-    assert summary["ros2"]["messages"] > 700
+        assert len(hashes) == 50, topic
+    assert summary["ros2"]["messages"] > 350
     clock = [t for t in found["clock"] if t > 0]
-    assert clock == list(range(10_000_000, 2_000_000_001, 10_000_000))
+    assert clock == list(range(10_000_000, 1_000_000_001, 10_000_000))
     assert found["fired_in_pause"] == 0
     fired = np.array(found["fired"])
-    assert (
-        8 <= len(fired) <= 20
-    )  # every 0.1 s of 2 simulated ones; a slow listener skips some, never adds any
+    assert 4 <= len(fired) <= 10  # every 0.1 s of a simulated one; a slow listener skips some, never adds any
     assert np.all(np.diff(fired) > 0)
     assert np.all(fired >= 100_000_000 * np.arange(1, len(fired) + 1))
-    assert fired[-1] <= 2_000_000_000
+    assert fired[-1] <= 1_000_000_000
     alone = run_job(scenario, tmp_path / "alone").summary
     assert alone["digest"] == summary["digest"]
 
@@ -112,19 +110,28 @@ def act(bridge, tmp_path, *calls):
     return summary, json.loads(report.read_text())
 
 
-def test_radar_pose_objects_and_commands_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
+def test_messages_of_every_kind_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
+    """Radar, pose, objects, commands, images; a second scanner has its own name and frame."""
     report, out = tmp_path / "report.json", tmp_path / "run"
-    listened = {
+    listened = {  # topic: type, how many at least
         "/combine/radar/targets_points": ("sensor_msgs/PointCloud2", 13),
         "/combine/objects/objects_markers": ("visualization_msgs/MarkerArray", 6),
         "/combine/pose/pose": ("nav_msgs/Odometry", 32),
         "/combine/speed/command": ("geometry_msgs/TwistStamped", 6),
+        "/combine/camera/image": ("sensor_msgs/Image", 3),
+        "/combine/camera/image_depth": ("sensor_msgs/Image", 3),
+        "/combine/camera/image_label": ("sensor_msgs/Image", 3),
+        "/combine/camera/camera_info": ("sensor_msgs/CameraInfo", 3),
+        "/combine/lidar/scan": ("sensor_msgs/LaserScan", 32),
+        "/combine/lidar_rear/scan": ("sensor_msgs/LaserScan", 16),
     }
     sets = [
         "run.max_duration_s=0.65",
         "combine.radar={level: rays, sensor: radar-24ghz}",
         "combine.objects.level=radar",
         "combine.pose.level=ekf",
+        "combine.camera={width_px: 61, height_px: 45, reach_m: 30}",
+        "combine.lidar_rear={sub_rays: 1, step_deg: 1, mount: {at: axle, z_m: 3, yaw_deg: 180}}",
     ]
     pairs = [f"{topic}={kind}" for topic, (kind, _) in listened.items()]
     with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
@@ -135,42 +142,9 @@ def test_radar_pose_objects_and_commands_are_those_in_the_file(domain, bridge, t
         sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
         assert got[topic] == sent, topic
         assert len(sent) >= count, topic
-
-
-def test_images_are_those_in_the_file(domain, bridge, tmp_path):  # noqa: F811
-    report, out = tmp_path / "report.json", tmp_path / "run"
-    kinds = {"image": "Image", "image_depth": "Image", "image_label": "Image", "camera_info": "CameraInfo"}
-    listened = {f"/combine/camera/{name}": f"sensor_msgs/{kind}" for name, kind in kinds.items()}
-    sets = ["run.max_duration_s=0.65", "combine.camera={width_px: 61, height_px: 45, reach_m: 30}"]
-    pairs = [f"{topic}={kind}" for topic, kind in listened.items()]
-    with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
-        run_job(parse_scenario(TEXT, sets=sets), out, hooks=[bridge])
-        listener.communicate("", timeout=600)
-    got = json.loads(report.read_text())["got"]
-    assert set(got) == set(listened)
-    for topic, hashes in got.items():
-        sent = [hashlib.sha256(padded(data)).hexdigest() for t, data in recorded(out, topic) if t > 0]
-        assert hashes == sent, topic
-        assert len(hashes) == 3, topic
-
-
-def test_two_scanners_are_published_under_their_own_names_and_frames(domain, bridge, tmp_path):  # noqa: F811
-    report, out = tmp_path / "report.json", tmp_path / "run"
-    sides = ("lidar_left", "lidar_right")
-    cheap = [f"combine.{side}.{key}" for side in sides for key in ("sub_rays=1", "step_deg=1")]
-    scenario = load_scenario("two-scanners", sets=["run.max_duration_s=0.5", *cheap])
-    pairs = [f"/combine/{side}/scan=sensor_msgs/LaserScan" for side in sides]
-    with node(HERE / "ros2_listener.py", report, *pairs, stdin=subprocess.PIPE) as listener:
-        run_job(scenario, out, hooks=[bridge])
-        listener.communicate("", timeout=600)
-    got = json.loads(report.read_text())["got"]
-    for side in sides:
-        sent = [(t, data) for t, data in recorded(out, f"/combine/{side}/scan") if t > 0]
-        assert got[f"/combine/{side}/scan"] == [hashlib.sha256(padded(data)).hexdigest() for _, data in sent]
-        assert len(sent) == 12
-        assert laser_scan(sent[-1][1]).header.frame_id == f"combine/{side}"
-    left, right = (laser_scan(recorded(out, f"/combine/{side}/scan")[-1][1]).ranges for side in sides)
-    assert list(left) != list(right)
+    front, rear = (laser_scan(recorded(out, f"/combine/{s}/scan")[-1][1]) for s in ("lidar", "lidar_rear"))
+    assert (front.header.frame_id, rear.header.frame_id) == ("combine/lidar", "combine/lidar_rear")
+    assert list(front.ranges) != list(rear.ranges)
 
 
 def test_services_act_on_the_run_and_what_they_did_can_be_done_again(domain, bridge, tmp_path):  # noqa: F811
@@ -287,10 +261,10 @@ def test_a_node_saves_and_goes_back_with_a_change(domain, tmp_path):  # noqa: F8
         ["set", "branch_set", ["combine.speed.speed"]], ["branch"],
         ["set", "branch_set", ["combine.speed.speed_kmh=5"]], ["branch"], ["pause", False],
     ]  # fmt: skip
-    report = tmp_path / "replies.json"
+    report, scenario = tmp_path / "replies.json", parse_scenario(TEXT, sets=["run.max_duration_s=1"])
     try:
         with node(HERE / "ros2_caller.py", report, json.dumps(calls)) as caller:
-            result = run_job(parse_scenario(TEXT), tmp_path / "run", hooks=[saves, made])
+            result = run_job(scenario, tmp_path / "run", hooks=[saves, made])
             assert caller.wait(60) == 0
     finally:
         made.close()
@@ -305,5 +279,5 @@ def test_a_node_saves_and_goes_back_with_a_change(domain, tmp_path):  # noqa: F8
     assert result.summary["branch"] == {"of": "run", "at_s": 0.400000001, "saved_s": 0.4}
     events = [{"t_s": 0.405, "set": "combine.speed.speed_kmh", "value": "5"}]  # the tick behind the save
     assert [e["t_s"] for e in result.summary["events"]] == [0.405]
-    fresh = run_job(parse_scenario(TEXT), tmp_path / "fresh", events=events).summary
+    fresh = run_job(scenario, tmp_path / "fresh", events=events).summary
     assert fresh["digest"] == result.summary["digest"]

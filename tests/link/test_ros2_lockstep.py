@@ -22,18 +22,20 @@ pytestmark = [*needs_ros2, pytest.mark.usefixtures("code_allowed")]
 IN_PROCESS = f"level: {HERE / 'law_level.py'}:LawInProcess"
 
 
-def scenario(steer="level: ros2", seconds=60.0):
-    return parse_scenario(CHEAP.format(steer=steer, seconds=seconds), base=HERE)
+def scenario(steer="level: ros2", seconds=60.0, sets=()):
+    return parse_scenario(CHEAP.format(steer=steer, seconds=seconds), sets=sets, base=HERE)
 
 
 @pytest.mark.usefixtures("domain")
 def test_a_node_in_lock_step_gives_the_bytes_of_the_law_in_process(tmp_path):
-    """45 m straight and 13 m of the bend."""
+    """10 m straight and 9 m of the bend."""
+    steers, sets = {"node": "level: ros2", "alone": IN_PROCESS}, ["field.edge.run_in_m=10"]
     with node(EXAMPLES / "steering_node.py"):
-        played = run_job(scenario(seconds=30.0), tmp_path / "node").summary
-    alone = run_job(scenario(IN_PROCESS, seconds=30.0), tmp_path / "alone").summary
-    assert played["simulated_s"] == 30.0
-    assert played["cost"]["combine.steer"]["steps"] == 1500
+        played, alone = (
+            run_job(scenario(steer, 10.0, sets), tmp_path / name).summary for name, steer in steers.items()
+        )
+    assert played["simulated_s"] == 10.0
+    assert played["cost"]["combine.steer"]["steps"] == 500
     assert played["lateral_p95_m"] < 0.3
     assert played["digest"] == alone["digest"]
 
@@ -41,7 +43,7 @@ def test_a_node_in_lock_step_gives_the_bytes_of_the_law_in_process(tmp_path):
 SCANNED = """
 format: swath scenario 2
 name: scanned
-run: {{distance_m: 100, max_duration_s: 8}}
+run: {{distance_m: 100, max_duration_s: 6.5}}
 field: {{stand: {{level: uniform, stems_per_m2: 300}}, edge: {{shape: straight}}}}
 machines:
   combine:

@@ -34,9 +34,7 @@ run_job(load_scenario("person-at-edge", sets=sets), Path(sys.argv[1]), hooks=[br
 bridge.close()
 """
 LISTENED = {
-    "/combine/edge/edge": "CropEdge",
     "/combine/objects/objects": "Objects",
-    "/scene/obstacles/state": "Obstacles",
     "/combine/steer/command": "SteerCommand",
 }
 
@@ -57,6 +55,7 @@ def test_every_message_of_the_package_is_a_definition(tmp_path):
         write_package(tmp_path)
 
 
+@pytest.mark.draws
 @pytest.mark.skipif(needs_ros2[0].args[0], reason="rclpy is not installed")
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 @pytest.mark.skipif(
