@@ -16,7 +16,7 @@ pytest.importorskip("fmpy", reason="needs the extra fmi")
 pytest.importorskip("pythonfmu3", reason="needs the extra fmi")
 from swath.link.fmi.export import export_fmu
 
-LONG = TEXT.replace("distance_m: 3, max_duration_s: 6", "distance_m: 40, max_duration_s: 16.07")
+LONG = TEXT.replace("distance_m: 3, max_duration_s: 6", "distance_m: 40, max_duration_s: 12.57")
 
 
 def driven(cleaning):
@@ -37,7 +37,7 @@ def test_a_sieve_as_an_fmu_equals_the_part(tmp_path, level):
     scenario, own, _ = driven({"level": level})
     export_fmu(scenario, ["combine.cleaning"], tmp_path / "sieve.fmu")
     _, loads, missing = driven({"level": "fmu", "file": str(tmp_path / "sieve.fmu")})
-    assert len(own) == len(loads) > 150
+    assert len(own) == len(loads) > 120
     for a, b in zip(own[:-1], loads[:-1], strict=True):
         for name in flat_fields(MachineLoad):
             assert read(b, name) == pytest.approx(read(a, name), rel=1e-12, abs=1e-12), name

@@ -76,7 +76,7 @@ def test_a_viewer_gets_what_the_recording_gets(tmp_path):
         viewer = Viewer(link)
         assert viewer.info["name"] == "swath"
         assert viewer.info["capabilities"] == ["time"]  # nothing that could change the run
-        sets = ["run.distance_m=2", "combine.lidar.level=empirical", "realtime.pace=real_time"]
+        sets = ["run.distance_m=0.5", "combine.lidar.level=empirical", "realtime.pace=real_time"]
         watch = SimpleNamespace(begin=begin, summarize=hook.summarize, finish=hook.finish)
         result = run_job(load_scenario("straight", sets=sets), tmp_path / "run", hooks=[watch])
         viewer.join(0.5)
@@ -100,7 +100,7 @@ def test_a_viewer_gets_what_the_recording_gets(tmp_path):
 def test_viewers_that_hang_or_talk_nonsense_hold_nothing_up_and_change_nothing(tmp_path):
     """One only connects, one subscribes and never reads, one sends what is no message; two that look."""
     hook = Foxglove(f"127.0.0.1:{free_port()}")
-    sets = ["run.distance_m=2", "combine.lidar.level=empirical", "realtime.pace=real_time"]
+    sets = ["run.distance_m=0.5", "combine.lidar.level=empirical", "realtime.pace=real_time"]
     where = ("127.0.0.1", int(hook.address.rpartition(":")[2]))
     words = {"subprotocols": ["foxglove.sdk.v1"], "max_size": None, "close_timeout": 0.5}
     with ExitStack() as held:

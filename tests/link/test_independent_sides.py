@@ -1,10 +1,11 @@
-"""A run as a user starts it, served to clients that were written from the makers' descriptions alone."""
+"""Runs as a user starts them, served to clients that were written from the makers' descriptions alone."""
 
 import math
 import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import namedtuple
 
@@ -12,6 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from swath.commands.main import main
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import open_log
 from swath.record.read.frames import own_mounting
@@ -19,6 +21,7 @@ from tests.link.device_rig import free_port
 from tests.link.independent_agopengps import HELLO, answer_of, hello_angle_of, position_of, steer_command
 from tests.link.independent_lms import Lms, Refused
 
+ENDED = (0, 1, 3)  # a limit that fails is no matter here
 START_S = 240  # until a loaded machine serves
 SCANS = 24
 PERIOD_US = 40_000  # of 25 Hz
@@ -31,20 +34,12 @@ Served = namedtuple("Served", "in_ascii, in_binary, polled, log")
 Drive = namedtuple("Drive", "positions, answers, hellos, sent_count, track, log")
 
 
-def start(out, *options):
-    command = [sys.executable, "-m", "swath", "run", "straight", "--real-time", "--no-report", "--no-replay"]
-    sets = ("run.max_duration_s=6", "combine.lidar.level=empirical")
-    with (out.parent / "out.txt").open("w") as file:
-        return subprocess.Popen(
-            [*command, "--out", str(out), *(word for key in sets for word in ("--set", key)), *options],
-            stdout=file, stderr=subprocess.STDOUT, env=os.environ | {"SWATH_THREADS": "1"},
-        )  # fmt: skip
-
-
-def finish(process, out):
-    """The recording; a limit that fails (exit code 1 or 3) is no matter here."""
-    assert process.wait(START_S) in (0, 1, 3), (out.parent / "out.txt").read_text()
-    return open_log(out)
+def words(out, keys, device):
+    """The command line of a run that is served to a client."""
+    keys = ("run.max_duration_s=6", *keys)
+    options = (word for key in keys for word in ("--set", key))
+    command = ["run", "straight", "--real-time", "--no-report", "--no-replay", "--out", str(out)]
+    return [*command, *options, "--device", device]
 
 
 def samples(log, slot, output):
@@ -55,9 +50,12 @@ def samples(log, slot, output):
 def served(tmp_path_factory):
     """Scans in both dialects, one connection after the other, of one run."""
     out, port = tmp_path_factory.mktemp("lms") / "run", free_port()
-    process = start(
-        out, "--set", "combine.lidar.sector_deg=[-95,95]", "--device", f"lidar=lms://127.0.0.1:{port}"
-    )  # fmt: skip
+    keys = ("combine.lidar.level=empirical", "combine.lidar.sector_deg=[-95,95]", "combine.edge=truth")
+    with (out.parent / "out.txt").open("w") as file:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "swath", *words(out, keys, f"lidar=lms://127.0.0.1:{port}")],
+            stdout=file, stderr=subprocess.STDOUT, env=os.environ | {"SWATH_THREADS": "1"},
+        )  # fmt: skip
     try:
         deadline = time.monotonic() + START_S
         while time.monotonic() < deadline and process.poll() is None:
@@ -67,7 +65,8 @@ def served(tmp_path_factory):
             except ConnectionRefusedError:
                 time.sleep(0.05)
         in_binary, polled = binary_client(port)
-        return Served(in_ascii, in_binary, polled, finish(process, out))
+        assert process.wait(START_S) in ENDED, (out.parent / "out.txt").read_text()
+        return Served(in_ascii, in_binary, polled, open_log(out))
     finally:
         process.kill()
         process.wait()
@@ -167,42 +166,47 @@ def drive(request, tmp_path_factory):
     """Of one antenna to the right, of two to the left."""
     out = tmp_path_factory.mktemp(request.param) / "run"
     angle_deg = 5 if request.param == "PANDA" else -5
-    positions, answers, hellos, sent_count = [], [], [], 0
+    positions, answers, hellos, sent, over = [], [], [], [], threading.Event()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as agio:
         agio.bind(("127.0.0.1", 0))
         agio.settimeout(1)
         port, module = agio.getsockname()[1], free_port(socket.SOCK_DGRAM)
-        keys = [f"field.origin.latitude_deg={ORIGIN[0]}", f"field.origin.longitude_deg={ORIGIN[1]}"]
-        steer = f"{{level: agopengps, listen: '127.0.0.1:{module}', reply: '127.0.0.1:{port}'}}"
-        dual = DUAL if request.param == "PAOGI" else ()
-        keys += ["field.terrain.slope_percent=8", "field.terrain.slope_azimuth_deg=90"]
-        keys += [f"combine.steer={steer}", *(f"combine.gnss.{key}" for key in dual)]
-        options = (word for key in keys for word in ("--set", key))
-        process = start(out, *options, "--device", f"gnss=agopengps://127.0.0.1:{port}")
-        try:
-            while process.poll() is None:
+
+        def play():
+            while True:
                 try:
                     datagram = agio.recv(2048)
                 except TimeoutError:
+                    if over.is_set():
+                        return
                     continue
                 if datagram[:1] == b"$":
                     positions.append(position_of(datagram))
                     if len(positions) % 10 == 1:
                         agio.sendto(HELLO, ("127.0.0.1", module))
                     wanted = steer_command(angle_deg, speed_kmh=positions[-1].speed_kmh, is_on=True)
-                    agio.sendto(wanted, ("127.0.0.1", module))
-                    sent_count += 1
+                    sent.append(agio.sendto(wanted, ("127.0.0.1", module)))
                 elif datagram[3] == 126:
                     hellos.append(hello_angle_of(datagram))
                 else:
                     answers.append(answer_of(datagram))
-            log = finish(process, out)
+
+        keys = [f"field.origin.latitude_deg={ORIGIN[0]}", f"field.origin.longitude_deg={ORIGIN[1]}"]
+        steer = f"{{level: agopengps, listen: '127.0.0.1:{module}', reply: '127.0.0.1:{port}'}}"
+        dual = DUAL if request.param == "PAOGI" else ()
+        keys += ["field.terrain.slope_percent=8", "field.terrain.slope_azimuth_deg=90"]
+        keys += ["combine.lidar=off", "combine.edge=truth", "realtime.spin_ms=0"]
+        keys += [f"combine.steer={steer}", *(f"combine.gnss.{key}" for key in dual)]
+        agopengps = threading.Thread(target=play)
+        agopengps.start()
+        try:
+            assert main([*words(out, keys, f"gnss=agopengps://127.0.0.1:{port}"), "--quiet"]) in ENDED
         finally:
-            process.kill()
-            process.wait()
+            over.set()
+            agopengps.join()
     table = pq.read_table(out / "tracks.parquet")
     track = {name: table[name].to_numpy() for name in table.schema.names if name != "machine"}
-    return request.param, angle_deg, Drive(positions, answers, hellos, sent_count, track, log)
+    return request.param, angle_deg, Drive(positions, answers, hellos, len(sent), track, open_log(out))
 
 
 def place_of(position):

@@ -22,7 +22,7 @@ realtime: {{}}
 field:
   {{stand: {{level: uniform}}, edge: {{shape: straight}}, origin: {{latitude_deg: 51, longitude_deg: 8}}}}
 machines:
-  combine: {{{slot}}}
+  combine: {{motion: kinematic, {slot}}}
 """
 OPENED = []  # what sockets were bound, connected or sent to
 
