@@ -1,4 +1,4 @@
-"""A combine and a cart on level ground, cheap: kinematic machines, no scanner, the edge known."""
+"""A combine and a cart on level ground, cheap: kinematic, in long steps, without a scanner, the edge known."""
 
 import numpy as np
 
@@ -23,8 +23,8 @@ machines:
     peer: cart
     lidar: off
     imu: off
-    motion: kinematic
-    edge: truth
+    motion: {level: kinematic, rate_hz: 50}
+    edge: {level: truth, rate_hz: 10}
     odometry: ideal
     process: {level: threshing, tank_start_percent: 100}
     speed: {speed_kmh: 4.32}
@@ -35,7 +35,7 @@ machines:
     machine: tractor-grain-cart
     peer: combine
     start: {x_m: -2.4, y_m: -1.5, heading_deg: 90}
-    motion: {level: kinematic, start_speed_kmh: 3}
+    motion: {level: kinematic, rate_hz: 50, start_speed_kmh: 3}
     odometry: ideal
     peer_link: {level: ideal, rate_hz: 10}
     cooperate: one_spot
@@ -66,7 +66,11 @@ class Run:
         self.latest, self.rows = {}, []
         if resume is not None:
             self.world.load(resume)
-        drive(self.world, [self._see], until_s=seconds, resume=resume is not None)
+        self.drive_on(seconds, resume=resume is not None)
+
+    def drive_on(self, seconds, resume=True):
+        """From where it stands, or the start, to a time."""
+        drive(self.world, [self._see], until_s=seconds, resume=resume)
         self.table = np.array(self.rows)
 
     def __getitem__(self, name):
