@@ -44,16 +44,16 @@ class Law:
     def load(self, state):
         pass
 '''
+BLIND = "run.record=full", "run.max_duration_s=1.5", "combine.lidar=off", "combine.edge=truth"
 SETS = (
-    "run.record=full",
-    "run.max_duration_s=1.5",
+    *BLIND,
     "combine.gnss={level: error, losses: [{from_s: 0.7, to_s: 0.9}]}",
     "combine.imu=ideal",
 )
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory):
+def positioned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("positioned")
     law = folder / "law.py"
     law.write_text(LAW)
@@ -67,10 +67,10 @@ def samples(folder, slot, output):
     return list(exact_samples(log.messages((exact_topic(slot, output),))))
 
 
-def test_fixes_come_at_their_rate_and_are_the_antenna_of_then(driven):
-    fixes = samples(driven, "combine.gnss", "fix")
+def test_fixes_come_at_their_rate_and_are_the_antenna_of_then(positioned):
+    fixes = samples(positioned, "combine.gnss", "fix")
     assert [t for t, _ in fixes] == [k * NS // 10 for k in range(16)]
-    states = dict(samples(driven, "combine.motion", "state"))
+    states = dict(samples(positioned, "combine.motion", "state"))
     for t, sample in fixes[1:]:
         assert sample.t == t - 50_000_000
         lost = 0.7 * NS <= sample.t < 0.9 * NS
@@ -81,17 +81,17 @@ def test_fixes_come_at_their_rate_and_are_the_antenna_of_then(driven):
             assert sample.speed == pytest.approx(states[sample.t].speed, abs=0.15)
 
 
-def test_an_inertial_unit_adds_up_to_what_the_machine_did(driven):
-    felt = samples(driven, "combine.imu", "inertial")
+def test_an_inertial_unit_adds_up_to_what_the_machine_did(positioned):
+    felt = samples(positioned, "combine.imu", "inertial")
     assert [t for t, _ in felt] == [k * NS // 100 for k in range(151)]
-    states = dict(samples(driven, "combine.motion", "state"))
+    states = dict(samples(positioned, "combine.motion", "state"))
     turn = sum(s.rate_z for _, s in felt) * 0.01
     assert turn == pytest.approx(states[NS * 3 // 2].pose.euler()[2] - states[0].pose.euler()[2], abs=2e-4)
     assert np.mean([s.force_z for _, s in felt]) == pytest.approx(9.81, abs=0.1)
 
 
-def test_a_part_of_ones_own_reads_them(driven):
-    for t, command in samples(driven, "combine.speed", "command")[2:]:
+def test_a_part_of_ones_own_reads_them(positioned):
+    for t, command in samples(positioned, "combine.speed", "command")[2:]:
         assert (command.speed == 1.0) == (0.75 * NS <= t < 0.95 * NS)
 
 
@@ -100,18 +100,16 @@ def steered(request, tmp_path_factory):
     """A run whose pose is made of a receiver that stands aside of the axle, wheels and an inertial unit."""
     folder = tmp_path_factory.mktemp(request.param)
     gnss = "combine.gnss={level: error, antenna: {x_m: -1.0, y_m: 0.4, z_m: 3.5}}"
-    sets = (
-        "run.record=full",
-        "run.max_duration_s=1.5",
-        gnss,
-        "combine.imu=ideal",
-        f"combine.pose={request.param}",
-    )
-    run_job(small(*sets), folder / "run")
+    run_job(small(*BLIND, gnss, "combine.imu=ideal", f"combine.pose={request.param}"), folder / "run")
     return folder / "run"
 
 
-@pytest.mark.parametrize("slots", [None, ["combine.gnss"], ["gnss", "imu", "odometry"]])
+SLOTS = None, ["combine.gnss"], ["gnss", "imu", "odometry"]
+
+
+@pytest.mark.parametrize(
+    ("steered", "slots"), [*zip(("ekf", "raw", "ekf"), SLOTS, strict=True)], indirect=["steered"]
+)
 def test_a_pose_is_the_same_on_a_recorded_receiver(steered, tmp_path, slots):
     plan = plan_rerun(steered, slots=slots, sets=["run.record=full"])
     assert "combine.gnss" in plan.played
@@ -129,7 +127,7 @@ def test_a_pose_alone_is_the_same(steered, tmp_path, capsys):
 FOREIGN = """
 format: swath scenario 2
 name: foreign
-run: {distance_m: 500, max_duration_s: 9}
+run: {distance_m: 500, max_duration_s: 3}
 field:
   terrain: plane
   stand: {level: uniform, stems_per_m2: 300}
@@ -137,6 +135,8 @@ field:
 machines:
   combine:
     start: {x_m: 3, y_m: -1, heading_deg: 0}
+    lidar: off
+    edge: truth
     motion: {level: log, folder: bag, topics: {state: /odom}}
     odometry: {level: log, folder: bag, topics: {odometry: /odom}}
     gnss:
@@ -151,14 +151,14 @@ machines:
 PLACES = ("antenna_m: [-1.2, 0, 3.9]", "mount: {at: axle, x_m: -1.2, z_m: 3.9, pitch_deg: 0}", "")
 
 
-@pytest.mark.parametrize("level", ["ekf", "raw"])
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize(("level", "place"), [*zip(("raw", "raw", "ekf"), PLACES, strict=True)])
 def test_a_receiver_of_somebody_elses_bag_feeds_a_pose(tmp_path, capsys, level, place):
     """NavSatFix has no course; the place of the antenna comes from the scenario, or else from /tf_static."""
     links = [("base_link", "gps", Pose.from_euler(ANTENNA))] if not place else []
     drive(
         tmp_path / "bag",
         links=links,
+        seconds=3.5,
         fixes=lambda bag, t, at: fix(bag, t, at, variances=(1e-4, 1e-4, 4e-4)),
         force=lambda t: (0.0, 0.0, GRAVITY),
     )
@@ -180,9 +180,9 @@ def test_a_receiver_without_a_place_is_refused_with_what_to_say(tmp_path, capsys
     assert "of a log antenna_m or mount says it" in capsys.readouterr().err
 
 
-def test_it_is_played_again_to_the_last_bit(driven, tmp_path):
-    plan = plan_rerun(driven, slots=None, sets=["run.record=full"])
+def test_it_is_played_again_to_the_last_bit(positioned, tmp_path):
+    plan = plan_rerun(positioned, slots=None, sets=["run.record=full"])
     assert {"combine.gnss", "combine.imu"} <= set(plan.played)
     summary = plan.run(tmp_path / "out", report=False).summary
     assert all(told["identical"] for told in summary["rerun"]["slots"].values())
-    assert summary["digest"] == json.loads((driven / "summary.json").read_text())["digest"]
+    assert summary["digest"] == json.loads((positioned / "summary.json").read_text())["digest"]
