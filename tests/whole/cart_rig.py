@@ -1,4 +1,4 @@
-"""A combine and a cart on level ground, cheap: kinematic, in long steps, without a scanner, the edge known."""
+"""A combine and a cart on level ground, cheap: kinematic in long steps, no scanner, the edge known."""
 
 import numpy as np
 
