@@ -6,7 +6,6 @@ import re
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,10 @@ import pytest
 from pyarrow.parquet import read_table
 
 from swath.core.errors import InputError
+from swath.core.schedule import NS
+from swath.link.can.steering import BoxError
 from swath.runtime.assembly import assemble
+from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job
 from swath.runtime.loop import drive
 from swath.runtime.pacing import make_pacer, paced
@@ -99,14 +101,13 @@ def test_the_three_files_are_the_same_test():
 @pytest.fixture(scope="module")
 def sil(tmp_path_factory):
     out = tmp_path_factory.mktemp("can") / "sil"
-    return out, run(FOLDER / "sil.yaml", out, SHORT)
+    return out, run(FOLDER / "sil.yaml", out, SHORT, *QUICK)
 
 
 def test_the_law_behind_the_bus_stays_within_a_centimetre_of_the_law_in_process(sil, tmp_path):
     out, summary = sil
-    mil = run(
-        FOLDER / "mil.yaml", tmp_path / "mil", SHORT, "combine.steer.crab=0"
-    )  # the bus has no inclination
+    level = "combine.steer.crab=0"  # the bus has no inclination
+    mil = run(FOLDER / "mil.yaml", tmp_path / "mil", SHORT, *QUICK, level)
     apart = across(header_path(tmp_path / "mil"), header_path(out))
     assert 0.0 < apart.max() < 0.01
     assert abs(summary["lateral_rms_m"] - mil["lateral_rms_m"]) < 0.01
@@ -116,36 +117,44 @@ def test_another_process_in_lock_step_gives_the_same_bytes(sil, port, tmp_path):
     outside = ["combine.steer.box=outside", "combine.steer.interface=udp_multicast"]
     outside.append(f"combine.steer.options.port={port}")
     with Box(str(FOLDER / "sil.yaml"), *set_flags(outside), "--once") as box:
-        summary = run(FOLDER / "sil.yaml", tmp_path / "out", SHORT, *outside)
+        summary = run(FOLDER / "sil.yaml", tmp_path / "out", SHORT, *QUICK, *outside)
         said, _ = box.process.communicate(timeout=600)
     assert summary["digest"] == sil[1]["digest"]
     assert box.process.returncode == 0
     assert re.search(r"switched off after \d{3} commands", said)
 
 
-def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path, capsys):
+class Kills(RunHook):
+    """Kills a box half a second of the run after its start."""
+
+    def __init__(self, box):
+        self.process = box.process
+
+    def begin(self, run):
+        run.observers.append(self)
+
+    def __call__(self, slot, t, outputs):
+        if t >= NS // 2 and self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+
+
+def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path):
     outside = [f"combine.steer.options.port={port}", "combine.steer.lock_step=true"]
     outside += ["combine.steer.answer_s=2", "realtime.factor=2"]
     out = tmp_path / "out"
+    said = r"combine.steer: the box 28 on udp_multicast .* did not answer within 2 s, at"
     with Box(str(FOLDER / "hil.yaml"), *set_flags(outside)) as box:
-        code = [
-            sys.executable, "-m", "swath.commands.main", "run", str(FOLDER / "hil.yaml"), "--quiet",
-            "--no-report", "--out", str(out), *set_flags([*QUICK, *outside]),
-        ]  # fmt: skip
-        runner = subprocess.Popen(code, stderr=subprocess.PIPE, text=True)
+        with pytest.raises(BoxError, match=said):
+            run_job(load_scenario(FOLDER / "hil.yaml", sets=[*QUICK, *outside]), out, hooks=[Kills(box)])
         assert box.process.stdout.readline().startswith("machine connected")
-        time.sleep(1.0)
-        box.process.kill()
-        _, error = runner.communicate(timeout=600)
-    assert runner.returncode == 2
-    assert re.search(r"combine.steer: the box 28 on udp_multicast .* did not answer within 2 s, at", error)
     summary = json.loads((out / "summary.json").read_text())
     assert summary["incomplete"] is True
     assert summary["realtime"]["ticks"] >= 20
 
 
 def test_a_paced_loop_over_the_bus_between_two_processes(port, tmp_path):
-    sets = [f"combine.steer.options.port={port}", "realtime.factor=4", "run.distance_m=20"]
+    sets = [f"combine.steer.options.port={port}", "realtime.factor=4", "run.distance_m=8"]
     with Box(str(FOLDER / "hil.yaml"), *set_flags(sets), "--once") as box:
         summary = run(FOLDER / "hil.yaml", tmp_path / "out", *QUICK, *sets)
         box.process.communicate(timeout=600)
