@@ -58,7 +58,8 @@ LOOKS = [
     "scan straight --out scan --no-such", "field show run", "rerun run --out again --no-such",
     "calibrate lidar x --out cal", "compare log x run", "paper --out case.yaml",
     "reda --crop no.yaml --out reda", "lab stand --crop no.yaml --out lab", "fmu show no.fmu",
-    "height-map build run --out map.npz", "branch run --at 9 --out branch", "dataset no.yaml --out data",
+    "height-map build run --out map.npz --no-such", "branch run --at 9 --out branch",
+    "dataset no.yaml --out data", "run-log run --out log.asc",
 ]  # fmt: skip
 
 
@@ -176,12 +177,12 @@ if __name__ == "__main__":
 
 @pytest.mark.parametrize("given", [None, "1"])
 @pytest.mark.parametrize("python", ["python3.11", "python3.12", "python3.13"])
-def test_a_started_python_has_no_folder_on_its_path_and_the_users_environment(python, given, stranger):
+def test_a_started_python_has_no_folder_on_its_path_and_the_users_environment(python, given, request):
     """In every Python that is here: a worker, a module that is started, and what the parent has then."""
-    folder, mark = stranger
     there = subprocess.run([python, "-c", "import sys"], capture_output=True, check=False).returncode == 0
     if not there:
         pytest.skip(f"{python} is not here")
+    folder, mark = request.getfixturevalue("stranger")
     probe = folder.parent / "probe.py"
     probe.write_text(PROBE)
     environment = {**os.environ, "PYTHONPATH": str(ROOT.parent)} | (
