@@ -216,7 +216,16 @@ def test_a_run_that_was_changed_says_how_it_is_repeated(fresh, tmp_path, capsys)
     digest = json.loads((fresh / "summary.json").read_text())["digest"]
     head = (fresh / "scenario.yaml").read_text().splitlines()[0]
     assert head.startswith("# changed on the way: swath run THIS --events THIS repeats it")
-    again = ["run", str(fresh), "--no-replay", "--quiet", "--out", str(tmp_path / "again"), "--replace"]
+    again = [
+        "run",
+        str(fresh),
+        "--no-report",
+        "--no-replay",
+        "--quiet",
+        "--out",
+        str(tmp_path / "again"),
+        "--replace",
+    ]
     for more, is_same in (([], False), (["--events", str(fresh)], True)):
         assert main([*again, *more]) in (0, 1, 3)
         made = json.loads((tmp_path / "again" / "summary.json").read_text())["digest"]

@@ -49,7 +49,7 @@ def test_a_run_along_a_bag(tmp_path, capsys, kind):
     where = f"{'file' if path.is_file() else 'folder'}: bags/{path.name}"
     (tmp_path / "day.yaml").write_text(text.replace("{}", where))
     out = tmp_path / "out"
-    assert main(["run", str(tmp_path / "day.yaml"), "--out", str(out)]) == 0
+    assert main(["run", str(tmp_path / "day.yaml"), "--no-report", "--no-replay", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "the run ended at 3.0" in printed
     assert "drone.motion: the log of state ended at 3.00 s" in printed

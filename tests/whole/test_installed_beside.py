@@ -80,7 +80,7 @@ command.greet = swath_guest
 """
 SCENARIO = """format: swath scenario 2
 name: beside
-run: {distance_m: 12}
+run: {distance_m: 3}
 field: {stand: {stems_per_m2: 100}, edge: {shape: straight}}
 machines:
   combine:

@@ -101,7 +101,16 @@ def test_an_evaluator_ends_the_run_and_brings_its_limit(tmp_path):
 
 def test_the_outcome_is_printed(tmp_path, capsys):
     (tmp_path / "s.yaml").write_text(TEXT + JUDGED)
-    words = ["--set", GAP, "--set", "run.max_duration_s=1.2", "--out", str(tmp_path / "out"), "--no-defaults"]
+    words = [
+        "--set",
+        GAP,
+        "--set",
+        "run.max_duration_s=1.2",
+        "--out",
+        str(tmp_path / "out"),
+        "--no-defaults",
+        "--no-report",
+    ]
     assert main(["run", str(tmp_path / "s.yaml"), *words]) == 1
     said = capsys.readouterr().out
     assert "combine gap: passes a gap" in said

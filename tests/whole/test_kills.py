@@ -19,7 +19,7 @@ def starter(tmp_path_factory):
 
 
 @pytest.mark.draws
-@pytest.mark.parametrize(("name", "count"), [("run", len(SIGNALS) + len(FAULTS)), ("test run", 3)])
+@pytest.mark.parametrize(("name", "count"), [("run", len(SIGNALS) + len(FAULTS)), ("test run", 2)])
 def test_a_stopped_command_loses_nothing_and_goes_on(name, count, starter):
     """Of a run every fault once. What fails says its seed and number."""
     seed = 5

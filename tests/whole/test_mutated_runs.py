@@ -50,7 +50,7 @@ EXTRA = st.sampled_from(
 )
 
 
-@settings(max_examples=60, suppress_health_check=list(HealthCheck), derandomize=True)
+@settings(max_examples=40, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(st.lists(st.tuples(st.sampled_from(PATHS), VALUES), max_size=2), st.lists(EXTRA, max_size=2))
 def test_a_valid_run_or_one_error(changes, extras):
     data = copy.deepcopy(BASE)
