@@ -100,20 +100,26 @@ def tile_hit(library: PlantLibrary, pages: Pages, tx, ty, o, d, t0, t1):
         (library.owner >= library.stem_start[k]) & (library.owner < library.stem_start[k + 1])
     )
     mine = mine[library.stem_rank[library.owner[mine]] < fraction]
+    starts, stops = library.a[mine].astype(float), library.b[mine].astype(float)
+    radius, width = library.radius[mine].astype(float), library.width[mine].astype(float)
+    middles = 0.5 * (starts + stops)
+    reaches = 1e-6 + np.linalg.norm(stops - middles, axis=1) + radius + np.linalg.norm(width, axis=1)
     ends = np.stack([po + t0 * pd, po + t1 * pd])
     best = (BIG, Organ.NONE)
     periods = [range(int(np.floor(v.min() / size)), int(np.floor(v.max() / size)) + 1) for v in ends[:, :2].T]
     for nx in periods[0]:
         for ny in periods[1]:
             move = np.array([nx * size, ny * size, 0.0])
-            a, b = library.a[mine] + move, library.b[mine] + move
-            r, w = library.radius[mine].astype(float), library.width[mine].astype(float)
-            kind_of = library.shape[mine]
+            near = np.flatnonzero(passes_within(middles + move - po, pd, reaches))
+            if not len(near):
+                continue
+            a, b = starts[near] + move, stops[near] + move
+            r, w, kind_of = radius[near], width[near], library.shape[mine[near]]
             t = first_hits(po, pd, a, b, r, w, t0, kind_of)
             for i in np.argsort(t):
                 if t[i] > min(t1, best[0]):
                     break
-                foot = library.base[mine[i]].astype(float) + move[:2]
+                foot = library.base[mine[near[i]]].astype(float) + move[:2]
                 for axis, flag in enumerate((MIRROR_X, MIRROR_Y)):
                     foot[axis] = size - foot[axis] if kind & flag else foot[axis]
                 code = cell_code(
@@ -125,9 +131,15 @@ def tile_hit(library: PlantLibrary, pages: Pages, tx, ty, o, d, t0, t1):
                     po, pd, a[i], b[i], r[i], w[i], t[i], t0, code, 0.01 * code / scale, kind_of[i]
                 )
                 if found < min(best[0], t1):
-                    organ = Organ(int(library.organ[mine[i]]))
+                    organ = Organ(int(library.organ[mine[near[i]]]))
                     best = (found, Organ.STUBBLE if code != STANDING and organ == Organ.STEM else organ)
     return best
+
+
+def passes_within(away, d, reach):
+    """Whether a ray comes as near to points, seen from its origin, as they reach: nothing else can be hit."""
+    along = away @ d / (d @ d)
+    return ((away - along[:, None] * d) ** 2).sum(axis=1) <= reach * reach
 
 
 def first_hits(o, d, a, b, r, w, t0, kind):

@@ -33,15 +33,21 @@ def crop(ears):
 
 
 @cache
-def first_returns(density, degrees, ears):
-    """Heights of the returns from crop and the share that reached the ground."""
+def stand(density, ears):
+    """A field of vertical stems at random places."""
     library = small_library(
         density, tiles=48, crop=crop(ears), row_spacing=0.0, leaves=False, ears=ears, upright=True, columns=16
     )
-    field = HandField(make_pages(library, pages=4, mixed=7), library)
+    return HandField(make_pages(library, pages=4, mixed=7), library)
+
+
+@cache
+def first_returns(density, degrees, ears):
+    """Heights of the returns from crop and the share that reached the ground."""
+    field = stand(density, ears)
     rng = np.random.default_rng(int(degrees))
     beta, azimuth = np.radians(degrees), rng.uniform(-np.pi, np.pi, RAYS)
-    o = np.c_[rng.uniform(9, 23, (RAYS, 2)), np.full(RAYS, library.height_max + 0.2)]
+    o = np.c_[rng.uniform(9, 23, (RAYS, 2)), np.full(RAYS, field.library.height_max + 0.2)]
     d = np.c_[np.cos(azimuth), np.sin(azimuth), np.full(RAYS, -np.tan(beta))] * np.cos(beta)
     hits = RayCaster(field, threads=1).cast(o, d, range_max=30)
     assert hits.is_hit.all()
