@@ -85,19 +85,21 @@ def turned_by_the_dearest(degrees, speed, grain):
     return turn(motion_at("multibody", speed, grain), speed, math.radians(degrees))
 
 
-@pytest.mark.parametrize("grain", [0.0, 8000.0])
 @pytest.mark.parametrize(
-    ("degrees", "speed"), [(3.0, 2.5), (11.0, 1.0), (11.0, 2.5), (28.0, 1.0), (28.0, 2.5), (45.0, 1.8)]
+    ("degrees", "speed", "grain"), [(3.0, 2.5, 8e3), (28.0, 1.0, 8e3), (45.0, 1.8, 0.0), (45.0, 1.8, 8e3)]
 )
 @each_level("motion")
 def test_a_turn(level, limit, degrees, speed, grain):
-    """Yaw gain and way aside after 30 deg of turn against multibody; that one against hand calculation."""
+    """Yaw gain and way aside after 30 deg of turn against multibody; that one against hand calculation.
+
+    Of 3 to 45 deg at 1 to 2.5 m/s, empty and full, the levels are farthest off in these.
+    """
     if level == "articulated":
         follows_like_the_kinematic_one(limit)
         return
     if level == "multibody":
-        rolled = run(motion_at(level, speed, grain), 4.0, 0.0, speed)[-1]
-        assert rolled.pose.position[0] == pytest.approx(4.0 * speed, rel=limit)
+        rolled = run(motion_at(level, speed, grain), 2.0, 0.0, speed)[-1]
+        assert rolled.pose.position[0] == pytest.approx(2.0 * speed, rel=limit)
         return
     gain, aside = turned_by_the_dearest(degrees, speed, grain)
     own_gain, own_aside = turn(motion_at(level, speed, grain), speed, math.radians(degrees))
@@ -129,19 +131,18 @@ def test_slalom_keeps_together():
     assert abs(plain / full - 1.0) < 0.1
 
 
-@pytest.mark.parametrize("speed", [1.0, 4.0])
-def test_crabs_nearly_alike_on_twice_that_slope(speed):
+def test_crabs_nearly_alike_on_twice_that_slope():
     """20 %, up to which the levels say that they were checked."""
     crabs = []
-    for motion in levels(speed, ground=slope(0.0, 0.2)):
-        state = run(motion, 6.0 / min(speed, 1.5) + 3.0, 0.0, speed)[-1]
+    for motion in levels(4.0, ground=slope(0.0, 0.2)):
+        state = run(motion, 7.0, 0.0, 4.0)[-1]
         crabs.append(-(state.lateral_speed - SHEET.dynamics.cg_behind * state.yaw_rate) / state.speed)
     d = SHEET.dynamics
     by_hand = 3.0 * d.friction / d.stiffness * (1.0 - (1.0 - 0.2 / d.friction) ** (1.0 / 3.0))
     assert crabs == pytest.approx([by_hand] * 3, rel=0.07)
 
 
-@pytest.mark.parametrize("speed", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("speed", [1.0, 4.0])
 def test_crabs_alike_on_a_side_slope(speed):
     """10 %: the centre of gravity drifts by g sin(slope) over the stiffness per load, at any speed."""
     crabs, turns = [], []
@@ -170,10 +171,9 @@ def test_a_side_slope_moves_the_kinematic_machine_by_its_closed_form():
     assert state.distance == pytest.approx(math.hypot(20.0, aside), rel=1e-4)
 
 
-@pytest.mark.parametrize("grain", [0.0, 8000.0])
-def test_brakes_to_a_stop_alike(grain):
+def test_brakes_to_a_stop_alike():
     ways = []
-    for motion in levels(4.0, grain):
+    for motion in levels(4.0, grain=8000.0):
         start = run(motion, 0.5, 0.0, 4.0)[-1].distance
         states = run(motion, 14.0, 0.0, 0.0)
         ways.append(states[-1].distance - start)
@@ -202,8 +202,7 @@ def stopped(motion, speed):
     return steady.speed, end.distance - steady.distance
 
 
-@pytest.mark.parametrize("speed", [1.2, 3.2])
-@pytest.mark.parametrize("grade", [-0.18, -0.07, 0.04, 0.18])
+@pytest.mark.parametrize(("grade", "speed"), [(-0.18, 3.2), (0.18, 1.2)])
 @each_level("motion")
 def test_gravity_along_the_way(level, limit, grade, speed):
     """Held speed and stop on a grade: the closed form; against multibody to 0.5 and 2 %, it rolls, too."""

@@ -169,8 +169,9 @@ def tilt(across, along):
     return {"roll": -math.atan(0.01 * across), "pitch": -math.atan(0.01 * along)}
 
 
-@pytest.mark.parametrize("speed", SPEEDS[1:])
-@pytest.mark.parametrize(("across", "along"), list(zip(ACROSS, ALONG, strict=True)))
+@pytest.mark.parametrize(
+    ("speed", "across", "along"), list(zip(SPEEDS[1:] + SPEEDS[-1:], ACROSS, ALONG, strict=True))
+)
 def test_threshing_loses_what_the_closed_form_says(speed, across, along):
     load = Rig(engine=False).run(speed, 60.0, **tilt(across, along))
     slope = 1.0 + 2.0 * abs(0.01 * across) + max(0.01 * along, 0.0)  # by which the shoe has more to do
@@ -194,13 +195,13 @@ def test_powertrain_pulls_weight_uphill_and_against_rolling(level, speed, along)
     assert engine.propulsion_power == pytest.approx(asked, rel=1e-3)
 
 
-@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("speed", [SPEEDS[0], SPEEDS[-1]])
 @pytest.mark.parametrize("level", [auger.PRESETS["ideal"], auger.LEVEL])
 def test_the_stream_leaves_with_the_speed_of_the_machine(level, speed):
     setup, _ = setup_with_box()
-    pour(level, setup, 30.0, speed=speed)
+    pour(level, setup, 20.0, speed=speed)
     still, _ = setup_with_box()
-    pour(level, still, 30.0)
+    pour(level, still, 20.0)
     fell = fall_time(COMBINE.pipe.z, 2.5 * math.sqrt(0.5))
     thrown = speed * (fell - 0.5 * DRAG * fell**2)  # on in the air, which takes from it
     moved = np.array([a[0] - b[0] for a, b in zip(setup.field.grain, still.field.grain, strict=True)])
@@ -209,7 +210,7 @@ def test_the_stream_leaves_with_the_speed_of_the_machine(level, speed):
     assert {*np.diff(np.round(steps))} <= {0.0, 1.0}  # several places a step
 
 
-@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("speed", [SPEEDS[0], SPEEDS[-1]])
 @pytest.mark.parametrize("level", ["ideal", "error", "rays"])
 def test_radar_tells_the_speed_towards_a_post(level, speed):
     found = post_ahead(level, speed).radial_speed[0]
