@@ -110,8 +110,8 @@ def test_waves_of_the_ground_are_followed_and_without_control_they_are_not():
     """Waves 25 m long and 30 cm from trough to crest: the knife 4 m ahead of the axle would be 15 cm off."""
     wave = "{amplitude_m: 0.15, wavelength_m: 25}"
     waves = f"field.terrain={{level: formula, roughness_class: none, waves: [{wave}]}}"
-    _, _, held = run(waves)
-    _, _, left = run(waves, "combine.header.gain_per_s=0")
+    _, _, held = run(waves, "run.distance_m=28")
+    _, _, left = run(waves, "run.distance_m=28", "combine.header.gain_per_s=0")
     curvature = 0.15 * (2.0 * np.pi / 25.0) ** 2
     off = 0.5 * curvature * 4.0 * (4.0 + 3.9)  # parabola through both axles, read at the knife
     assert left["header_height_p95_error_m"] == pytest.approx(off, rel=0.15)
@@ -200,8 +200,8 @@ def test_the_stubble_is_as_high_as_the_knife_was():
 
 
 def test_a_high_knife_leaves_ears_and_straw_in_the_field():
-    low, _, m_low = run("run.distance_m=12")
-    high, _, m_high = run("run.distance_m=12", "combine.header.cutting_height_m=0.7",
+    low, _, m_low = run("run.distance_m=6")
+    high, _, m_high = run("run.distance_m=6", "combine.header.cutting_height_m=0.7",
                           "combine.header.feeler_range_m=1.0")  # fmt: skip
     assert m_high["grain_cut_kg"] < 0.97 * m_low["grain_cut_kg"]
     left = high.field.recount()
@@ -214,7 +214,7 @@ def test_a_high_knife_leaves_ears_and_straw_in_the_field():
 
 
 def test_masses_balance_through_threshing_with_losses_at_the_header():
-    sets = ("run.distance_m=25", "combine.header.loss_percent=3.0", "combine.process=threshing")
+    sets = ("run.distance_m=12", "combine.header.loss_percent=3.0", "combine.process=threshing")
     world, seen, m = run(*sets)
     assert m["mass_balance_error"] < 1e-9
     shed = sum(f.lost_grain for f in seen.of[CropFlow])

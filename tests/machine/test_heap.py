@@ -21,7 +21,6 @@ SLOPE = math.tan(math.radians(25.0))
 BOXES = [  # box, largest heap, one spot, two spots, middle line [m3]: shared closed forms, repose 25 deg
     (OpenBox(0.0, 6.0, 3.0, 1.55, 2.0), 33.1, 25.5, 30.4, 32.5),
     (OpenBox(0.0, 7.0, 3.2, 1.55, 2.0), 41.8, 30.1, 37.4, 41.0),
-    (OpenBox(0.0, 8.5, 3.4, 1.75, 2.0), 60.5, 41.0, 52.7, 59.4),
 ]
 
 

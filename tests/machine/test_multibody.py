@@ -62,9 +62,7 @@ def test_parts_that_leave_no_chassis_are_refused():
         masses_of(replace(SHEET, masses=None))
 
 
-@pytest.mark.parametrize(
-    "params", [{}, {"grain_kg": 8000.0}, {"header": False}, {"suspension": True, "grain_kg": 4000.0}]
-)
+@pytest.mark.parametrize("params", [{}, {"header": False}, {"suspension": True, "grain_kg": 4000.0}])
 def test_the_wheels_carry_the_weight(params):
     motion = make(**params)
     run(motion, 3.0, speed=0.0)
@@ -79,14 +77,13 @@ def test_the_wheels_carry_the_weight(params):
 def test_a_filling_tank_sinks_into_the_tyres_and_loads_both_axles():
     """Loads by the moments of a rigid body; deflection of a round bed of springs goes with load^(2/3)."""
     motion, mass = make(start_speed_kmh=5.0), []
-    for i in range(400):
-        load = MachineLoad(0, 20.0 * i, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for i in range(200):
+        load = MachineLoad(0, 40.0 * i, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         run(motion, 0.01, speed=1.0, load=load)
         mass.append(motion.mass)
-    run(motion, 4.0, speed=0.0, load=load)
-    state = run(motion, 4.0, speed=0.0, load=load)[-1]
-    full = with_grain(SHEET, 7980.0).dynamics
-    assert motion.mass == pytest.approx(D.mass + 7980.0, abs=1.0)
+    state = run(motion, 5.0, speed=0.0, load=load)[-1]
+    full = with_grain(SHEET, 7960.0).dynamics
+    assert motion.mass == pytest.approx(D.mass + 7960.0, abs=1.0)
     assert np.all(np.diff(mass) >= 0.0)
     front, rear = sum(motion.wheels.loads[:2]), sum(motion.wheels.loads[2:])
     assert front + rear == pytest.approx(full.mass * G, rel=1e-3)
@@ -97,15 +94,14 @@ def test_a_filling_tank_sinks_into_the_tyres_and_loads_both_axles():
 
 
 @pytest.mark.parametrize(
-    "params",
+    ("steer", "params"),
     [
-        {},
-        {"rolling_resistance": 0.0},
-        {"suspension": True},
-        {"soil": "brixius", "cone_index_kpa": 600.0},
+        (0.3, {}),
+        (0.0, {"rolling_resistance": 0.0}),
+        (0.3, {"suspension": True}),
+        (0.3, {"soil": "brixius", "cone_index_kpa": 600.0}),
     ],
 )
-@pytest.mark.parametrize("steer", [0.0, 0.3])
 def test_no_energy_appears_with_the_engine_off(params, steer):
     """On flat ground; what the springs of the tyres along and across give back is the tolerance."""
     motion = make(engine=False, start_speed_kmh=14.4, **params)
@@ -157,7 +153,7 @@ def test_soft_soil_makes_it_slip_uphill():
     speeds = {}
     for index in (1800.0, 450.0):
         motion = make(slope(0.08, 0.0), soil="brixius", cone_index_kpa=index, start_speed_kmh=7.2)
-        speeds[index] = run(motion, 8.0)[-1].speed
+        speeds[index] = run(motion, 5.0)[-1].speed
     assert 1.9 < speeds[1800.0] < 2.0
     assert speeds[450.0] < speeds[1800.0] - 0.04
 
@@ -181,16 +177,16 @@ def test_the_rear_axle_swings_without_rolling_the_body():
 def test_parked_on_a_slope_it_stays():
     motion = make(slope(0.05, 0.1))
     start = motion.data.qpos[:3].copy()
-    states = run(motion, 15.0, steer=0.3, speed=0.0)
+    states = run(motion, 11.0, steer=0.3, speed=0.0)
     assert np.linalg.norm(states[-1].pose.position - start) < 0.02
-    assert np.linalg.norm(states[-1].pose.position - states[-500].pose.position) < 1e-6
+    assert np.linalg.norm(states[-1].pose.position - states[-300].pose.position) < 1e-6
 
 
 def test_brakes_to_a_stop_and_holds_on_a_slope():
     motion = make(slope(0.1, 0.0), start_speed_kmh=7.2)
     run(motion, 1.0)
-    run(motion, 12.0, speed=0.0)
-    first, *_, last = run(motion, 5.0, speed=0.0)
+    run(motion, 9.0, speed=0.0)
+    first, *_, last = run(motion, 3.0, speed=0.0)
     assert np.linalg.norm(last.pose.position - first.pose.position) < 1e-3
     start = last.pose.position[0]
     states = run(motion, 6.0, speed=2.0)
@@ -222,10 +218,9 @@ def header_at(lift, tilt):
     return HeaderState(0, np.zeros(3), np.zeros(4), 0.15, 0.05, lift, tilt, 0.0)
 
 
-@pytest.mark.parametrize("lift", [0.3, -0.1])
-def test_the_weight_of_the_header_goes_where_the_header_control_holds_it(lift):
+def test_the_weight_of_the_header_goes_where_the_header_control_holds_it():
     """By hand: header and feeder turn about the feeder's pivot, their weight moves along x."""
-    motion, m = make(), masses_of(SHEET)
+    motion, m, lift = make(), masses_of(SHEET), 0.3
     run(motion, 4.0, speed=0.0, header=header_at(0.0, 0.0))
     front, rear = sum(motion.wheels.loads[:2]), sum(motion.wheels.loads[2:])
     run(motion, 4.0, speed=0.0, header=header_at(lift, 0.0))
@@ -246,15 +241,14 @@ def test_the_weight_of_the_header_goes_where_the_header_control_holds_it(lift):
 
 def test_left_and_right_mirror():
     left, right = (
-        run(make(slope(0.02, s * 0.05), start_speed_kmh=5.0), 5.0, steer=s * 0.3)[-1] for s in (1, -1)
+        run(make(slope(0.02, s * 0.05), start_speed_kmh=5.0), 3.0, steer=s * 0.3)[-1] for s in (1, -1)
     )
     assert left.yaw_rate == pytest.approx(-right.yaw_rate, abs=1e-12)
     assert left.lateral_speed == pytest.approx(-right.lateral_speed, abs=1e-12)
     np.testing.assert_allclose(left.pose.position * [1, -1, 1], right.pose.position, atol=1e-10)
 
 
-@pytest.mark.parametrize("params", [{}, {"suspension": True, "soil": "brixius"}])
-@pytest.mark.parametrize("speed", [2.0, 0.0])
+@pytest.mark.parametrize(("params", "speed"), [({}, 0.0), ({"suspension": True, "soil": "brixius"}, 2.0)])
 def test_saved_state_goes_on_byte_for_byte(params, speed):
     """On rough ground, with a filling tank, into another copy that has been elsewhere."""
     rough = Ground(lambda x, y: 0.1 * np.sin(1.3 * x) * np.cos(0.7 * y) + 0.05 * np.sin(0.2 * x))

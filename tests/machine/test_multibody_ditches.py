@@ -54,8 +54,7 @@ def cross(motion, speed=2.0):
     return air[:2].max(), air[2:].max(), np.array(way), np.array(pace)
 
 
-@pytest.mark.parametrize("skew", [0.0, 0.5])
-@pytest.mark.parametrize("suspension", [False, True])
+@pytest.mark.parametrize(("skew", "suspension"), [(0.0, True), (0.5, False)])
 def test_no_wheel_flies_over_a_wide_ditch(skew, suspension):
     motion = make(ditch(4.0, skew), start_speed_kmh=7.2, suspension=suspension)
     low, air = 0.0, 0.0
@@ -66,7 +65,7 @@ def test_no_wheel_flies_over_a_wide_ditch(skew, suspension):
     assert low < -0.12
 
 
-@pytest.mark.parametrize("width", [0.5, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("width", [1.0])
 def test_at_an_angle_no_wheel_flies(width):
     front, rear, *_ = cross(make(ditch(width, 0.5), start_speed_kmh=7.2))
     assert max(front, rear) < 0.3
@@ -109,9 +108,7 @@ def half_car(ground, way, accel, h):
     return longest
 
 
-@pytest.mark.parametrize(
-    ("width", "rear_s"), [(1.0, 0.33), (1.5, 0.44), (2.0, 0.52), (3.0, 0.50), (4.0, 0.17)]
-)
+@pytest.mark.parametrize(("width", "rear_s"), [(1.0, 0.33), (2.0, 0.52), (4.0, 0.17)])
 def test_square_on_the_rear_axle_is_thrown_up_as_bodies_are(width, rear_s):
     """The half-car flies as long or longer: it has no pendulum axle and no rear wheels of their own mass."""
     front, rear, way, x = cross(make(ditch(width), start_speed_kmh=7.2))

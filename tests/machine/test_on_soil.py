@@ -69,7 +69,7 @@ def test_soil_of_map_free_places_and_spots(seed):
         assert index == pytest.approx(1e3 * min(inside, default=1000))
 
 
-@pytest.mark.parametrize("exponent", [2.0, 3.0, 4.5])
+@pytest.mark.parametrize("exponent", [2.0, 4.5])
 def test_ruts_deepen_with_the_root_of_the_passes(exponent):
     """The ground under a wheel after n passes is z1 n^(1/a) lower, beside it as it was; a reset heals it."""
     field = soft_field(cone_index_kpa=900, pass_exponent=exponent)
@@ -101,8 +101,7 @@ def run(motion, seconds, *, speed=2.0):
 
 
 @pytest.mark.parametrize(
-    ("index", "rise", "apart"),
-    [(350, 0.0, 0.02), (600, 0.0, 0.006), (900, 0.05, 0.006), (1800, 0.08, 0.006), (10_000, 0.08, 0.006)],
+    ("index", "rise", "apart"), [(350, 0.0, 0.02), (600, 0.0, 0.006), (1800, 0.08, 0.006)]
 )
 def test_both_levels_lose_the_same_speed(index, rise, apart):
     pytest.importorskip("mujoco", reason="needs the extra `multibody`")

@@ -12,7 +12,7 @@ RATED_KW = 437.0  # 586 hp; the data sheet has the smaller engine of the class
 
 def settled(share, **params):
     rig = Rig(straw="chop", tank_start_percent=50.0, **params)
-    rig.run(share * RECORD, 90.0)
+    rig.run(share * RECORD, 60.0)
     return rig
 
 

@@ -52,12 +52,11 @@ def test_steady_losses_are_the_closed_forms():
     assert (*losses, *flows) == pytest.approx(steady(RECORD), rel=1e-6)
 
 
-@pytest.mark.parametrize("dt", [0.01, 0.05, 0.1, 0.2])
-def test_the_step_does_not_matter(dt):
-    load = Rig(engine=False, dt=dt).run(RECORD, 40.0)
-    fine = Rig(engine=False, dt=0.04).run(RECORD, 40.0)
-    assert load.loss_share == pytest.approx(fine.loss_share, rel=1e-6)
-    assert load.tank_grain == pytest.approx(fine.tank_grain, rel=0.01)
+def test_the_step_does_not_matter():
+    fine, *others = (Rig(engine=False, dt=dt).run(RECORD, 40.0) for dt in (0.02, 0.1, 0.2))
+    for load in others:
+        assert load.loss_share == pytest.approx(fine.loss_share, rel=1e-6)
+        assert load.tank_grain == pytest.approx(fine.tank_grain, rel=0.01)
 
 
 steps = st.lists(
@@ -89,9 +88,9 @@ def test_grain_and_straw_are_conserved_whatever_comes(course, dt, straw):
 
 
 def test_conserved_over_many_steps():
-    """Ten minutes at 10 Hz with a beat in the yield: well inside 1e-9."""
+    """Two minutes at 10 Hz with a beat in the yield: well inside 1e-9."""
     rig = Rig(crop=lambda x: (GRAIN * (1.0 + 0.3 * math.sin(x / 7)), STRAW * (1.0 + 0.3 * math.sin(x / 11))))
-    rig.run(RECORD, 600.0)
+    rig.run(RECORD, 120.0)
     assert max(rig.balance()) < 1e-12
 
 
@@ -99,7 +98,7 @@ def test_a_machine_that_runs_empty_holds_nothing():
     rig = Rig(engine=False)
     rig.run(RECORD, 40.0)
     rig.crop = lambda x: (0.0, 0.0)
-    load = rig.run(RECORD, 400.0)
+    load = rig.run(RECORD, 200.0)
     assert load.held_grain < 1e-6 * rig.grain
     assert load.held_straw < 1e-6 * rig.straw
     assert load.tank_grain + load.lost_grain == pytest.approx(rig.grain, rel=1e-6)
@@ -140,8 +139,8 @@ def test_loss_follows_nyborgs_law():
     """Percent loss = a F^b (G/S)^c, F the feed of straw, described rack, shoe and cylinder losses of nine
     combines (Nyborg 1967); the model has no such law in it, yet obeys it around its nominal load."""
     points = []
-    for straw in (11.0, 13.0, 15.0, 17.0, 19.0):
-        for ratio in (1.2, 1.5, 1.8):
+    for straw in (11.0, 15.0, 19.0):
+        for ratio in (1.2, 1.8):
             area = WIDTH * 2.0
             rig = Rig(engine=False, crop=lambda x, s=straw, r=ratio, a=area: (s * r / a, s / a))
             rig.run(2.0, 40.0)

@@ -41,8 +41,7 @@ def run(motion, seconds, *, steer=0.0, speed=2.0, dt=0.005, **more):
     )
 
 
-@pytest.mark.parametrize("rolling", [0.0, 0.06, 0.12])
-@pytest.mark.parametrize("speed", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize(("speed", "rolling"), [(1.0, 0.12), (2.0, 0.0), (5.0, 0.0), (5.0, 0.12)])
 def test_yaw_gain_against_the_linear_closed_form(speed, rolling):
     """Moments and forces of the linear model, solved by hand.
 
@@ -193,8 +192,7 @@ def test_comes_to_rest_in_a_turn_without_swinging_on():
     assert abs(state.speed) + abs(state.lateral_speed) + abs(state.yaw_rate) < 1e-6
 
 
-@pytest.mark.parametrize("dt", [0.001, 0.005, 0.02])
-@pytest.mark.parametrize("steer", [0.0, 0.05, 0.7])
+@pytest.mark.parametrize(("dt", "steer"), [(0.001, 0.7), (0.005, 0.0), (0.02, 0.05), (0.02, 0.7)])
 def test_stable_from_standstill_to_8_m_s(dt, steer):
     fast = replace(SHEET, dynamics=replace(D, max_speed=9.0, accel=2.0))
     states = run(make(machine=fast), 8.0, steer=steer, speed=8.0, dt=dt)
@@ -276,9 +274,7 @@ def test_axle_loads_add_up_and_follow_the_grade(pitch_grade):
     assert rear == pytest.approx(normal * (A + D.cg_height * pitch_grade) / L)
 
 
-@pytest.mark.parametrize(
-    ("speed", "expected"), [(1.0, (35, 47, 57)), (2.0, (10, 22, 34)), (2.8, (1, 10, 21)), (5.0, (0, 0, 3))]
-)
+@pytest.mark.parametrize(("speed", "expected"), [(1.0, (35, 47, 57)), (2.8, (1, 10, 21)), (5.0, (0, 0, 3))])
 def test_the_yaw_overshoot_at_half_and_twice_the_estimated_relaxation(speed, expected):
     """Percent over the settled yaw rate after a step of 3 deg."""
     for scale, percent in zip((0.5, 1.0, 2.0), expected, strict=True):
@@ -320,8 +316,7 @@ def test_it_drives_the_same_whether_it_tells_its_wheels_or_not():
     assert a[-1].pose.position.tolist() == b[-1].pose.position.tolist()
 
 
-@pytest.mark.parametrize("gradient", [-2.0, 3.0])
-@pytest.mark.parametrize("name", ["lexion-700", "grain-truck"])
+@pytest.mark.parametrize(("gradient", "name"), [(-2.0, "lexion-700"), (3.0, "grain-truck")])
 def test_understeer_gradient_is_the_angle_per_lateral_acceleration(name, gradient):
     """Beyond atan(L kappa) a steady turn asks for K times the lateral acceleration."""
     machine = replace(load_machine(name), trailer=None, hitch=None)
@@ -346,7 +341,7 @@ def test_an_understeer_that_no_tyre_gives_is_refused():
 
 
 @pytest.mark.parametrize("machine", ["lexion-700", "grain-truck"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_steps_are_those_of_plain_python_to_the_bit(machine, seed):
     """On rough ground over several pages, forwards, backwards and standing, in one to four substeps."""
     draw = np.random.default_rng(seed)
