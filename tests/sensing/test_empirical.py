@@ -95,17 +95,15 @@ def test_measured_heights_agree_with_plants(density, sensor):
 
 def test_measured_heights_agree_in_leaning_crop():
     """Up to 20 deg, where the level says that it was checked."""
-    for pitch in (10.0, 25.0, 50.0):
-        found = agreement("wheat", 400, "sick-lms511-hr", pitch, "field.stand.lean_deg=20")
-        assert found.is_good, (pitch, found)
+    found = agreement("wheat", 400, "sick-lms511-hr", 10.0, "field.stand.lean_deg=20")
+    assert found.is_good, found
 
 
-@pytest.mark.parametrize("extinction", [0.21, 0.23])
-def test_dust_shortens_the_reach_as_with_plants(extinction):
+def test_dust_shortens_the_reach_as_with_plants():
     """To 5 %, where it takes a part of the beams; rain acts by its extinction, too."""
 
     def lost(k, factor, count):
-        lidar = pair(site(400), step_deg=2.0, weather=ScannerWeather(extinction_per_m=factor * extinction))[k]
+        lidar = pair(site(400), step_deg=2.0, weather=ScannerWeather(extinction_per_m=factor * 0.22))[k]
         return np.isnan(heights(lidar, lidar.setup, 10.0, count, 5 + 50 * k)).mean()
 
     low, model, high = lost(0, 0.95, 60), lost(1, 1.0, 200), lost(0, 1.05, 60)
@@ -113,7 +111,14 @@ def test_dust_shortens_the_reach_as_with_plants(extinction):
     assert high - low > 0.1
 
 
-@pytest.mark.parametrize(("crop", "density"), [("barley", 550), ("rye", 250), ("rape", 40)])
+@pytest.mark.parametrize(
+    ("crop", "density"),
+    [
+        pytest.param("barley", 550, marks=pytest.mark.draws),
+        pytest.param("rye", 250, marks=pytest.mark.draws),
+        ("rape", 40),
+    ],
+)
 def test_other_crops_agree_with_plants(crop, density):
     for pitch in (10.0, 25.0, 50.0):
         found = agreement(crop, density, "sick-lms511-hr", pitch)
@@ -142,18 +147,18 @@ def test_an_even_stand_gives_the_table_back(echo):
     setup = site(600)
     _, cheap = pair(setup, sensor="sick-lms511-sr", step_deg=1.0, sector_deg=(-1.0, 1.0), echo=echo)
     height, beam, share = load_crop("wheat").stand.height, cheap.sheet.beam, np.array([0.5, 0.75, 0.9, 0.95])
-    for pitch in (10.0, 25.0, 50.0):
+    for pitch in (10.0, 50.0):
         far = (2.4 - 0.9 * height) / np.sin(np.radians(pitch))
         spot = float(np.mean(beam.exit_diameter) + np.mean(beam.divergence) * far)
         even = (np.arange(20_000) + 0.5) / 20_000
         told = cheap.table.standing.heights(even, 600.0, height, np.radians(pitch), spot)
-        drawn = heights(cheap, setup, pitch, 9000, 1)
+        drawn = heights(cheap, setup, pitch, 4000, 1)
         assert np.quantile(drawn, share) == pytest.approx(np.quantile(told, share), abs=5e-3)
 
 
 @pytest.mark.parametrize(
     ("crop", "density", "limit"),
-    [("wheat", 400, 0.015), ("barley", 400, 0.015), ("rye", 300, 0.03), ("rape", 50, 0.03)],
+    [("wheat", 400, 0.015), pytest.param("rape", 50, 0.03, marks=pytest.mark.draws)],
 )
 def test_crop_edge_lies_where_it_does_for_plants(crop, density, limit):
     """Where the height goes through half the crop's, along a scan across the edge; limit [m]: of the mean.
@@ -169,7 +174,7 @@ def test_crop_edge_lies_where_it_does_for_plants(crop, density, limit):
     assert np.mean(off) == pytest.approx(0.0, abs=limit)
 
 
-@pytest.mark.parametrize("azimuth", [90, -90])
+@pytest.mark.parametrize("azimuth", [90, pytest.param(-90, marks=pytest.mark.draws)])
 def test_crop_edge_in_leaning_crop(azimuth):
     """20 deg into the crop and out of it."""
     view, off = View(2.4, 16.0), []
@@ -182,7 +187,8 @@ def test_crop_edge_in_leaning_crop(azimuth):
 
 
 @pytest.mark.parametrize(
-    ("crop", "density", "limit"), [("wheat", 120, 0.025), ("wheat", 500, 0.02), ("barley", 500, 0.035)]
+    ("crop", "density", "limit"),
+    [("wheat", 120, 0.025), pytest.param("barley", 500, 0.035, marks=pytest.mark.draws)],
 )
 def test_crop_edge_seen_from_the_side(crop, density, limit):
     """50 deg across the edge from the stubble, where beams enter through stems, not through ears.

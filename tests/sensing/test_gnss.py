@@ -95,11 +95,11 @@ def test_a_sample_is_late_and_says_when_it_was_measured():
 
 def test_the_wandering_error_is_gauss_markov():
     sensor = error(noise_cm=0.0, wander_cm=30.0, wander_s=2.0, vertical_factor=1.0, latency_ms=0.0)
-    fixes = feed(sensor, standing(), 20_000, state_step=100_000_000)
+    fixes = feed(sensor, standing(), 4000, step=500_000_000, state_step=500_000_000)
     off = np.stack([column(fixes, n) for n in "xyz"]) - np.array([[11.0], [20.0], [4.4]])
     assert off.std() == pytest.approx(0.30, rel=0.06)
     for lag_s in (0.5, 2.0, 4.0):
-        lag = round(lag_s * 10)
+        lag = round(lag_s * 2)
         found = np.mean(off[:, lag:] * off[:, :-lag]) / np.mean(off**2)
         assert found == pytest.approx(np.exp(-lag_s / 2.0), abs=0.06)
 

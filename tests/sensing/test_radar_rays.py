@@ -138,9 +138,9 @@ def test_clutter_of_a_turning_machine_has_its_own_speeds():
 
 @pytest.mark.parametrize(("apart", "count"), [(0.3, 1), (0.55, 2)])
 def test_posts_nearer_and_farther_than_a_cell(apart, count):
-    """As in the test of `error`; echoes swing, so the most frequent number of 24 looks."""
+    """As in the test of `error`; echoes swing, so the most frequent number of 14 looks."""
     posts = [PostObstacle(x_m=12.0 + k * apart, y_m=0.2 * k, diameter_m=0.05) for k in range(2)]
-    found = [len(s.range[abs(s.range - 12.0) < 2.0]) for s in looks(rays_of(posts, **NO_CLUTTER), 26)[2:]]
+    found = [len(s.range[abs(s.range - 12.0) < 2.0]) for s in looks(rays_of(posts, **NO_CLUTTER), 16)[2:]]
     assert np.bincount(found).argmax() == count
     quiet = looks(rays_of(posts, noise="none", **NO_CLUTTER))[-1]
     assert len(quiet.range) == count
@@ -204,21 +204,19 @@ def test_error_against_rays():
         assert (ratio < 1.25).all()
 
 
-@pytest.mark.parametrize("sheet", ["radar-77ghz-corner", "radar-77ghz-front", "radar-24ghz"])
-def test_a_thing_wider_than_a_cell_wanders_as_with_rays(sheet):
+def test_a_thing_wider_than_a_cell_wanders_as_with_rays():
     """Persons of half a metre at 10 and 22 m; the front radar's cell is 0.28 and 0.6 m wide there."""
     things = [
         SheetObstacle(kind="person", x_m=10.3, y_m=-0.7, name="a"),
         SheetObstacle(kind="person", x_m=22.0, y_m=2.1, name="b"),
     ]
-    for _, _, ours, theirs in beside_each_other(things, sheet):
+    for _, _, ours, theirs in beside_each_other(things, "radar-77ghz-front"):
         a, b = (np.array(rows)[:, [0, 1]] for rows in (ours, theirs))
         assert len(a) / len(b) == pytest.approx(1.0, abs=0.05)
         assert a.std(axis=0) / b.std(axis=0) == pytest.approx(1.0, abs=0.22)
 
 
-@pytest.mark.parametrize("sheet", ["radar-77ghz-corner", "radar-24ghz"])
-def test_a_thing_longer_than_cells_as_with_rays(sheet):
+def test_a_thing_longer_than_cells_as_with_rays():
     """Several detections, and a threshold that its own echoes raise: the vehicle seen aslant at 25 m is found
     in 0.29 of the looks of the 24 GHz radar, where its power alone would make it 1.00."""
     things = [
@@ -226,7 +224,7 @@ def test_a_thing_longer_than_cells_as_with_rays(sheet):
         SheetObstacle(kind="animal", x_m=42.0, y_m=3.0, heading_deg=110.0, name="b"),
     ]
     for thing in things:
-        ((_, _, ours, theirs),) = beside_each_other([thing], sheet, 300)
+        ((_, _, ours, theirs),) = beside_each_other([thing], "radar-24ghz", 300)
         assert len(theirs) / 300 == pytest.approx(len(ours) / 300, abs=0.12)
 
 
@@ -250,7 +248,7 @@ def test_a_low_body_in_the_crop():
 
     def chance(things, name, **params):
         sensor = rays_of(things, stand=uniform.Params(), sensor=name, mount=at, **params)
-        samples = looks(sensor, 32)[2:]
+        samples = looks(sensor, 22)[2:]
         return np.mean([((abs(s.range - 5.6) < 0.6) & (abs(s.azimuth) < 0.1)).any() for s in samples])
 
     assert chance(deer, "radar-77ghz-corner", **NO_CLUTTER) < 0.05
@@ -290,7 +288,7 @@ def test_what_stands_behind_a_wall_is_hidden():
 def test_cross_section_of_a_strong_echo():
     """A post at 12 m, on average over its swings: pi a R within 2 dB, 1.6 m seen from 1 m."""
     thing = PostObstacle(x_m=12.0, y_m=0.0, diameter_m=0.1, height_m=1.6)
-    found = looks(rays_of([thing], sensor="radar-24ghz", **NO_CLUTTER), 120)
+    found = looks(rays_of([thing], sensor="radar-24ghz", **NO_CLUTTER), 80)
     rcs = [10.0 ** (s.rcs[np.abs(s.range - 12.0) < 1.0].max(initial=-60.0) / 10.0) for s in found[2:]]
     assert 10.0 * log10(float(np.mean(rcs))) == pytest.approx(10.0 * log10(pi * 0.05 * 11.95), abs=2.0)
 

@@ -39,9 +39,10 @@ def true_y(shape, pose, edge):
     return y[k], float(shape.heading_at(s[k])) - pose.euler()[2]
 
 
-@pytest.mark.parametrize("angle", [80.0, -80.0])
-@pytest.mark.parametrize("radius", [8.0, 11.0, 16.0, 23.0, 40.0])
-@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(
+    ("side", "radius", "angle"),
+    [("left", 8.0, 80.0), ("right", 8.0, 80.0), ("left", 16.0, -80.0), ("right", 40.0, -80.0)],
+)
 def test_any_radius_a_machine_can_drive_is_right_or_not_seen(side, radius, angle):
     crop_side = "right" if side == "left" else "left"
     params = CurveEdge(
@@ -123,8 +124,7 @@ def test_lines_across_a_real_field_find_the_edge_where_it_is():
     assert places(0.0, yaw=0.0) == pytest.approx([5.5], abs=0.02)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("angle", [60.0, 1e-3, -60.0])
+@pytest.mark.parametrize(("side", "angle"), [("left", 60.0), ("left", -60.0), ("right", 1e-3)])
 def test_a_machine_that_follows_an_edge_is_told_the_line_across_its_holes(side, angle):
     """In bends too, where the hole is longer than the look ahead, and at a look across its begin and end."""
     gap = GapParams(start_m=25.0, end_m=40.0, depth_m=2.0)
