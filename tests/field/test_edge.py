@@ -186,12 +186,12 @@ def test_codes_of_the_field_are_decided_at_cell_centres():
     assert field.edges["edge"].teeth is None
     cell = field.maker.cell
     rng = np.random.Generator(np.random.Philox(9))
-    n = rng.integers(-1250, 1250, (2, 5000))
+    n = rng.integers(-1250, 1250, (2, 2500))
     x, y = field.maker.to_world(*((n + 0.5) * cell))
     ahead = field.first_edge.project(x, y)[0] >= 0.0  # behind the beginning of the edge lies the headland
     expected = (field.first_edge.signed_distance(x, y) >= 0.0) & ahead & field.boundary.contains(x, y)
     assert np.array_equal(field.standing(x, y), expected)
-    assert 800 < expected.sum() < 4000
+    assert 400 < expected.sum() < 2000
 
 
 def test_region_with_a_hole():
@@ -251,7 +251,7 @@ def test_shapes_that_cannot_be_are_refused():
         Region([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1])
 def test_a_slanted_headland_is_driven_into(seed):
     """The knife, 12 m wide, starts half in the field: what it cuts is the way less a triangle."""
     rise, way = float(np.random.default_rng(seed).choice([-1.0, 1.0])) * (0.3 + 0.2 * seed), 14.0

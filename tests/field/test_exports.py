@@ -13,7 +13,8 @@ from swath.field_io import folder, trade
 from swath.field_io.importer import Settings, import_log
 from swath.field_io.logs.log import read_log
 from swath.field_io.pass_scenario import write_pass_scenario
-from swath.runtime.job import run_job
+from swath.runtime.assembly import assemble
+from swath.runtime.job import run_unrecorded
 from swath.scenario.scenario import load_scenario
 from tests.field import made_exports
 from tests.field.made_log import HEADER, LENGTH, SPEED, MadeLog
@@ -171,8 +172,7 @@ def test_records_in_no_order_are_said_at_once_and_make_a_map(tmp_path):
     field = folder.read(tmp_path / "f")
     assert field.tracks == ()
     assert np.nanmean(field.grain.values) == pytest.approx(0.6, rel=0.06)
-    scenario = load_scenario(write_pass_scenario(tmp_path / "f"), sets=SHORT)
-    assert run_job(scenario, tmp_path / "run", progress=False).summary
+    assemble(load_scenario(write_pass_scenario(tmp_path / "f"))).close()
 
 
 def test_a_map_of_yields_needs_no_width_and_a_small_one_is_told_from_a_track(tmp_path):
@@ -223,24 +223,15 @@ def test_crops_have_their_names_of_the_trade(name, sheet):
 
 
 SHORT = [
-    "run.distance_m=2", "run.record=none", "combine.lidar.level=empirical", "combine.edge=truth", "expect={}",
+    "run.distance_m=2", "combine.lidar=off", "combine.edge=truth",
 ]  # fmt: skip
-CROPS = {
-    "wheat": ("Wheat", 1.0),
-    "maize": ("Corn", 1.6),
-    "soy": ("Soybeans", 0.6),
-}
 
 
-@pytest.mark.parametrize("crop", CROPS)
-def test_a_run_on_the_field_of_a_log_cuts_its_crop(tmp_path, crop):
-    name, share = CROPS[crop]
-    log = made_exports.ag_leader(tmp_path / "log.txt", crop=name, share=share)
+def test_a_run_on_the_field_of_a_log_cuts_its_crop(tmp_path):
+    log = made_exports.ag_leader(tmp_path / "log.txt", crop="Corn", share=1.6)
     report = import_log(log, tmp_path / "f", progress=False)
-    assert report.crop["name"] == crop
+    assert report.crop["name"] == "maize"
     assert report.crop["stems_clipped_cells"] == 0
-    sets = SHORT if crop == "wheat" else [s for s in SHORT if "lidar" not in s] + ["combine.lidar=off"]
-    scenario = load_scenario(write_pass_scenario(tmp_path / "f"), sets=sets)
-    summary = run_job(scenario, tmp_path / "run", progress=False).summary
+    summary = run_unrecorded(load_scenario(write_pass_scenario(tmp_path / "f"), sets=SHORT))
     driven = summary["distance_m"] * HEADER
-    assert summary["grain_cut_kg"] == pytest.approx(0.6 * share * driven, rel=0.3)
+    assert summary["grain_cut_kg"] == pytest.approx(0.6 * 1.6 * driven, rel=0.3)

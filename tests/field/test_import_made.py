@@ -124,9 +124,9 @@ def test_moisture_is_mapped_and_height_is_the_default(imported):
     assert np.unique(field.height.values[crop]).tolist() == [np.float32(0.85)]
 
 
-@pytest.mark.parametrize("delay", [0.0, 6.0, 12.0, 17.0])
+@pytest.mark.parametrize("delay", [0.0, 6.0, 17.0])
 def test_the_flow_delay_is_found(tmp_path, delay):
-    report = run(tmp_path, MadeLog(delay_s=delay))
+    report = run(tmp_path, MadeLog(passes=10, delay_s=delay))
     machine = report.machines[0]
     assert machine["flow_delay_s"] == pytest.approx(delay, abs=0.6)
     assert machine["flow_delay_method"].startswith("agreement of its turns")
@@ -219,7 +219,7 @@ def test_other_units_give_the_same_field(tmp_path, imported):
 
 @pytest.mark.drawn
 def test_a_folder_is_written_twice_the_same_and_drawn_again(tmp_path):
-    made = MadeLog(passes=6)
+    made = MadeLog(passes=3)
     run(tmp_path, made)
     first = {p.name: p.read_bytes() for p in (tmp_path / "field").iterdir()}
     assert set(first) == {

@@ -7,7 +7,8 @@ pytest.importorskip("rasterio")
 
 from swath.field.maps.raster import Raster
 from swath.field_io import folder
-from swath.field_io.importer import Settings, import_log
+from swath.field_io.importer import import_log
+from swath.field_io.logs.log import read_log
 from swath.field_io.passes import lateral_sd
 from tests.shared_data import MONTANA
 
@@ -21,7 +22,9 @@ def imported(tmp_path_factory, log, **options):
 
 @pytest.fixture(scope="module")
 def henrys(tmp_path_factory):
-    return imported(tmp_path_factory, "si/farmerI_henrys_2018_wheat.csv.gz")
+    """Within the outline of its bounding file."""
+    boundary = MONTANA / "boundaries" / "henrys_bbox.zip"
+    return imported(tmp_path_factory, "si/farmerI_henrys_2018_wheat.csv.gz", boundary=boundary)
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +52,11 @@ def test_every_row_of_2018_is_accounted_for(henrys):
     assert widths == pytest.approx([10.668, 11.887, 11.887], abs=1e-3)
 
 
-def test_2018_was_shifted_by_its_monitor(henrys, west):
-    for report, _ in (henrys, west):
-        for machine in report.machines:
-            assert abs(machine["flow_delay_s"]) < 2.5 or machine["flow_delay_method"].startswith("not known")
-    assert west[0].machines[0]["flow_delay_s"] == pytest.approx(-1.0, abs=0.2)
+def test_2018_was_shifted_by_its_monitor(henrys):
+    report, _ = henrys
+    for machine in report.machines:
+        assert abs(machine["flow_delay_s"]) < 2.5 or machine["flow_delay_method"].startswith("not known")
+    assert not [note for note in report.notes if note.startswith("positions")]
 
 
 def test_2018_heights_agree_with_another_interpolation(henrys):
@@ -79,23 +82,37 @@ def test_2018_flow_and_speed_are_those_of_the_log(henrys):
     assert np.degrees(field.row_azimuth) == pytest.approx(180.0, abs=0.5)
 
 
-def test_the_shapefile_gives_the_same_field_as_its_conversion(tmp_path_factory):
-    """With a delay that is given: what is hardly known in one form may hardly not be in the other."""
-    (report, field), (raw, raw_field) = (
-        imported(tmp_path_factory, name, settings=Settings(flow_delay_s=0.0))
+def test_the_shapefile_gives_the_same_records_as_its_conversion():
+    """All that a field is made of, but for what the conversion rounds."""
+    log, raw = (
+        read_log(MONTANA / name)
         for name in ("si/farmerI_henrys_2018_wheat.csv.gz", "raw/FarmerI_YL18_YLD_2018_henrys.zip")
     )
-    assert raw.rows["read"] == 31276
-    assert raw.kept == pytest.approx(report.kept, abs=20)
-    assert raw.crop["yield_t_ha"] == pytest.approx(report.crop["yield_t_ha"], rel=2e-3)
-    assert len(raw_field.tracks) == len(field.tracks)
-    assert field.origin == raw_field.origin
-    x, y = np.meshgrid(np.arange(250.0, 350.0, 5.0), np.arange(-600.0, 600.0, 5.0))
-    np.testing.assert_allclose(raw_field.terrain.sample(x, y), field.terrain.sample(x, y), atol=0.02)
-    difference = raw_field.stems.sample(x, y) / field.stems.sample(x, y) - 1.0
-    assert np.abs(np.median(difference)) < 1e-3
+    assert raw.row_count == log.row_count == 31276
+    assert raw.epsg == log.epsg
+    assert raw.crop == log.crop
+    assert {k: n for k, n in raw.broken.items() if n} == {k: n for k, n in log.broken.items() if n}
+    for name in ("time", "moisture", "machine"):
+        np.testing.assert_array_equal(getattr(raw, name), getattr(log, name))
+    for name, off in {
+        "position": 0.01,
+        "width": 1e-3,
+        "speed": 1e-3,
+        "flow": 1e-3,
+        "elevation": 1e-3,
+    }.items():
+        np.testing.assert_allclose(getattr(raw, name), getattr(log, name), rtol=0, atol=off)
+    assert not [note for note in raw.notes if note.startswith("positions")]
 
 
+@pytest.mark.draws
+def test_2014_was_shifted_by_its_monitor(west):
+    report, _ = west
+    assert report.machines[0]["flow_delay_s"] == pytest.approx(-1.0, abs=0.2)
+    assert not [note for note in report.notes if note.startswith("positions")]
+
+
+@pytest.mark.draws
 def test_2014_passes_lie_as_far_apart_as_measured(west):
     report, field = west
     assert report.rows["read"] == 47872
@@ -106,6 +123,7 @@ def test_2014_passes_lie_as_far_apart_as_measured(west):
     assert {t.header_width for t in field.tracks} == {12.192}
 
 
+@pytest.mark.draws
 def test_2014_positions_that_jump_are_no_second_machine(west):
     """3,932 records lie far from the others, in blocks and one by one; they do not alternate with them."""
     report, _ = west
@@ -113,6 +131,7 @@ def test_2014_positions_that_jump_are_no_second_machine(west):
     assert not any("machines distinguished" in note for note in report.notes)
 
 
+@pytest.mark.draws
 def test_2014_heights_drift_between_passes_and_are_levelled(west):
     report, _ = west
     terrain = report.terrain
@@ -120,9 +139,8 @@ def test_2014_heights_drift_between_passes_and_are_levelled(west):
     assert terrain["pass_step_sd_m"] < 0.75 * terrain["pass_step_sd_before_m"]
 
 
-def test_a_field_of_the_bounding_file_is_taken(tmp_path_factory):
-    boundary = MONTANA / "boundaries" / "henrys_bbox.zip"
-    report, field = imported(tmp_path_factory, "si/farmerI_henrys_2018_wheat.csv.gz", boundary=boundary)
+def test_a_field_of_the_bounding_file_is_taken(henrys):
+    report, field = henrys
     assert len(field.boundary) == 12
     assert report.removed["outside_boundary"] < 100
     assert report.field["area_ha"] > 85.0

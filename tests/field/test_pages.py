@@ -220,7 +220,7 @@ def test_an_edge_beside_the_maps_is_refused():
 def test_random_lodging_covers_its_share_with_one_azimuth_per_patch():
     params = maps.Params(lodging=maps.Lodging(share_percent=10.0, azimuth_deg=45.0))
     stand = maps.Maps.from_rasters(params, SETUP, None, None)
-    x, y = np.meshgrid(np.arange(0.0, 600.0, 1.0), np.arange(0.0, 600.0, 1.0))
+    x, y = np.meshgrid(np.arange(0.0, 600.0, 1.5), np.arange(0.0, 600.0, 1.5))
     angle, azimuth = stand.lean(x, y)
     lodged = angle > 0.0
     assert lodged.mean() == pytest.approx(0.10, abs=0.02)

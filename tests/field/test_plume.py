@@ -59,9 +59,8 @@ def test_puffs_make_the_plume_of_a_steady_source():
     assert found == pytest.approx(12.24e-6, rel=0.01)
 
 
-@pytest.mark.parametrize("every", [0.05, 0.5])
-def test_light_across_a_plume_is_dimmed_as_far_away_by_the_gaussian_one(every):
-    puffs = blown(0.01, 3.0, every)
+def test_light_across_a_plume_is_dimmed_as_far_away_by_the_gaussian_one():
+    puffs = blown(0.01, 3.0, 0.5)
     draw = np.random.default_rng(7)
     for x, z in zip((100.0, *draw.uniform(60, 200, 5)), (0.0, *draw.uniform(0, 10, 5)), strict=True):
         high = spread(x)[1]

@@ -22,12 +22,12 @@ class Harvest:
     """
 
     def __init__(
-        self, lat=48.0, lon=11.0, *, width=9.0, speed=2.0, level=0.54, moisture=0.14, passes=12, length=250.0,
+        self, lat=48.0, lon=11.0, *, width=9.0, speed=2.0, level=0.54, moisture=0.14, passes=8, length=180.0,
         seed=1, begun=datetime(2024, 7, 20, 10), z=300.0, interval=1.0, late=0,
         azimuth_deg=0.0,
     ):  # fmt: skip
         self.width, self.speed, self.moisture = width, speed, moisture
-        self.begun, self.late = begun, late
+        self.begun, self.late, self.passes = begun, late, passes
         rng = np.random.default_rng(seed)
         rows, t = [], 0.0
         for p in range(passes):
