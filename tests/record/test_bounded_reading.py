@@ -179,10 +179,9 @@ def packed_bag(path, declared):
     path.write_bytes(magic + record(b" " * room, **header) + chunk + connection + info)
 
 
-@pytest.mark.parametrize("declared", [100, 2**32 - 1])
-def test_a_chunk_that_unpacks_to_far_more_than_the_file(tmp_path, declared):
+def test_a_chunk_that_unpacks_to_far_more_than_the_file(tmp_path):
     path = tmp_path / "a.bag"
-    packed_bag(path, declared)
+    packed_bag(path, 2**32 - 1)
     log = open_log(path)
     assert log.topics() == {"/x": "std_msgs/msg/UInt8"}
     found, peak = peak_of(lambda: [message.data for _, _, message in log.messages(("/x",))])

@@ -30,7 +30,7 @@ STATE = "combine.motion.state."
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run") / "run"
-    sets = {"combine.lidar.level": "profile", "run.distance_m": 4}
+    sets = {"combine.lidar.level": "profile", "run.distance_m": 2}
     api.run("straight", folder, sets=sets, report=False)
     return folder
 

@@ -102,7 +102,7 @@ samples = st.builds(
 
 
 @given(st.lists(st.tuples(st.integers(0, 2 * 10**9), samples), min_size=1, max_size=12))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_any_sample_comes_back_to_the_last_bit(tmp_path_factory, given_samples):
     folder = tmp_path_factory.mktemp("odd")
     given_samples.sort(key=lambda pair: pair[0])
