@@ -121,7 +121,7 @@ def test_rolling_rows_see_a_driving_camera_later():
 def test_a_thing_that_goes_is_smeared_as_by_a_camera_that_drives(sensor, exposure):
     """Blur and lean depend on the way between both alone: a wall that goes by a standing camera, and the same
     one that stands beside a driving camera, are the same picture."""
-    z, keys = 0.9, {"samples_per_pixel": 16, "exposure_ms": exposure, "sensor": sensor}
+    z, keys = 0.9, {"samples_per_pixel": 8, "exposure_ms": exposure, "sensor": sensor}
 
     def wide():
         return wall(z, -9.0, 0.0, z1=9.0)

@@ -238,12 +238,7 @@ def test_heading_of_two_antennas(second, baseline):
 
 @pytest.mark.parametrize(
     ("second", "angle", "other"),
-    [
-        (Place(1.0, 1.2, 4.4), "roll", "pitch"),
-        (Place(1.3, -1.2, 3.9), "roll", "pitch"),
-        (Place(3.0, 0.0, 3.7), "pitch", "roll"),
-        (Place(-1.0, 0.4, 3.9), "pitch", "roll"),
-    ],
+    [(Place(1.3, -1.2, 3.9), "roll", "pitch"), (Place(-1.0, 0.4, 3.9), "pitch", "roll")],
 )
 def test_roll_or_pitch_of_two_antennas(second, angle, other):
     """> 0 left side up, nose down; of an oblique baseline the share that lies in that plane."""
