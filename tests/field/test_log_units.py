@@ -397,9 +397,8 @@ def stripped(source, path, separator=",", encoding="utf-8", names=None):
 SI = DATA / "wheat_combine_logs_msu" / "si"
 PLAIN = ["Longitude", "Latitude", "Grain flow", "Time", "Interval", "Distance", "Moisture", "Elevation"]
 BUNDLED = Path(__file__).parents[2] / "src" / "swath" / "data" / "logs" / "sample-log.csv.gz"
-EIGHT = {
+SEVEN = {
     "montana 2018": (lambda p: SI / "farmerI_henrys_2018_wheat.csv.gz", {}, {}),
-    "montana 2014": (lambda p: SI / "farmerB_sec1west_2014_winterwheat.csv.gz", {}, {}),
     "minnesota": (lambda p: DATA / "agridat_cereal" / "gartner.corn.txt", {"separator": "\t", "names": PLAIN},
                   {"header_width": 9.144, "crop": "maize"}),
     "bundled": (lambda p: BUNDLED, {}, {}),
@@ -413,9 +412,9 @@ EIGHT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("log", EIGHT)
+@pytest.mark.parametrize("log", SEVEN)
 def test_a_log_without_its_units_reads_to_the_same_field(tmp_path, log):
-    made, strip, options = EIGHT[log]
+    made, strip, options = SEVEN[log]
     source = made(tmp_path)
     if not source.is_file():
         pytest.skip("needs real yield logs: SWATH_DATA")

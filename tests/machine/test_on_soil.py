@@ -100,9 +100,7 @@ def run(motion, seconds, *, speed=2.0):
     return drive(motion, seconds, dt=0.01, **inputs)
 
 
-@pytest.mark.parametrize(
-    ("index", "rise", "apart"), [(350, 0.0, 0.02), (600, 0.0, 0.006), (1800, 0.08, 0.006)]
-)
+@pytest.mark.parametrize(("index", "rise", "apart"), [(350, 0.0, 0.02), (1800, 0.08, 0.006)])
 def test_both_levels_lose_the_same_speed(index, rise, apart):
     pytest.importorskip("mujoco", reason="needs the extra `multibody`")
     given = {"soil": "brixius", "cone_index_kpa": index}

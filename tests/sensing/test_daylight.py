@@ -90,14 +90,14 @@ def test_light_without_a_sun_is_refused():
 
 @pytest.mark.parametrize("level", ["empirical", "plants", "profile"])
 def test_the_receiver_sees_the_light_of_the_hour(tmp_path, level):
-    """The sun of the file's hours rises by 60 deg within 2.5 s: the reach falls as closed forms have it."""
-    hours = "hour,sun_elevation_deg,sun_azimuth_deg\n12,-12,180\n12.0007,48,180\n13,48,180\n"
+    """The sun of the file's hours rises by 60 deg within 10 s: the reach falls as closed forms have it."""
+    hours = "hour,sun_elevation_deg,sun_azimuth_deg\n12,-12,180\n12.00275,48,180\n13,48,180\n"
     (tmp_path / "hours.csv").write_text(hours)
     rays = "sub_rays: 1, " if level == "plants" else ""
     text = f"""
 format: swath scenario 2
 name: dawn
-run: {{distance_m: 24, max_duration_s: 4}}
+run: {{distance_m: 24, max_duration_s: 12}}
 field:
   edge: {{shape: straight}}
   weather: {{time: "2026-07-25T12:00+02:00", file: {tmp_path / "hours.csv"}}}
