@@ -20,7 +20,7 @@ import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
@@ -215,7 +215,13 @@ def installed_part(kind: str, name: str) -> Any:
 
 
 def _package(point: EntryPoint) -> str:
-    return point.dist.name if point.dist else point.value
+    return _name_of(point.dist) if point.dist else point.value
+
+
+@cache
+def _name_of(package: Distribution) -> str:
+    """Parsed once: a command asks for each entry point."""
+    return str(package.name)
 
 
 @cache
