@@ -2,7 +2,8 @@
 
 Listings in `yaml` or `python` are saved under the last name above them that ends in .yaml or .py; those in
 `sh` run in their order, and what each prints is OUT/NUMBER.txt. Lines of `swath` alone, or with TELLING
-behind, run in this one process, which loads the packages once; all others in bash.
+behind, run in this one process, which loads the packages once; all others in bash. Figures are made but
+stay blank: tests marked `drawn` draw them.
 """
 
 import os
@@ -14,6 +15,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
+
+from matplotlib.figure import Figure
 
 from swath.commands.main import main
 
@@ -84,4 +87,5 @@ def type_page(page: Path, out: Path) -> None:
 
 
 if __name__ == "__main__":
+    Figure.draw = lambda self, renderer: None
     type_page(Path(sys.argv[1]), Path(sys.argv[2]))

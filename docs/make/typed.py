@@ -1,6 +1,6 @@
 """The listings of a page, used as its reader does: files saved, lines typed in their order, in one folder.
 
-python -m docs.make.typed PAGE.md            in an empty folder; runs are cut to a moment
+python -m docs.make.typed PAGE.md            in an empty folder; runs are cut to a moment, figures stay blank
 python -m docs.make.typed PAGE.md --whole    as the page says, with the time of each line, also of all processors
 
 A listing is saved where the paragraph above it says "save ... as `NAME`". Lines are those of listings in `sh` and of
@@ -16,9 +16,11 @@ import time
 import tomllib
 from collections.abc import Iterator
 from contextlib import redirect_stdout
+from functools import cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -186,7 +188,8 @@ def distributions(needs: list[str]) -> set[str]:
     return found
 
 
-def hidden(extras: list[str]) -> list[str]:
+@cache
+def hidden(*extras: str) -> list[str]:
     """Modules of the other extras, which somebody with these ones alone does not have."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     optional = project["optional-dependencies"]
@@ -205,9 +208,11 @@ def hidden(extras: list[str]) -> list[str]:
 
 def write_hiding(folder: Path, text: str) -> None:
     """A sitecustomize.py for PYTHONPATH with which a page has its own installation and no more."""
-    code = HIDING.format(hidden=hidden(extras_of(text)))
+    code = HIDING.format(hidden=hidden(*extras_of(text)))
     (folder / "sitecustomize.py").write_text(code, encoding="utf-8")
 
 
 if __name__ == "__main__":
+    if "--whole" not in sys.argv:
+        Figure.draw = lambda self, renderer: None  # type: ignore[method-assign]
     work_through(Path(sys.argv[1]).read_text(encoding="utf-8"), is_whole="--whole" in sys.argv)
