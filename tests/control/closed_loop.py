@@ -1,5 +1,6 @@
 """A kinematic rear-steered machine with an actuator and a stamped, noisy, late edge: the law's test bench."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,14 +37,12 @@ class Course:
 
     def frame(self, x, y):
         """(signed distance to the left of the edge, heading, curvature, s) at the nearest edge point."""
-        if not np.isfinite(self.radius) or x < self.bend_at:
+        if not math.isfinite(self.radius) or x < self.bend_at:
             return y - self.y, 0.0, 0.0, x
-        centre = np.array([self.bend_at, self.y + self.radius])
-        d = np.array([x, y]) - centre
-        r = abs(self.radius)
-        sign = np.sign(self.radius)
-        angle = np.arctan2(d[0], -sign * d[1])
-        return sign * (r - np.hypot(*d)), sign * angle, 1.0 / self.radius, self.bend_at + r * angle
+        dx, dy = x - self.bend_at, y - self.y - self.radius
+        r, sign = abs(self.radius), math.copysign(1.0, self.radius)
+        angle = math.atan2(dx, -sign * dy)
+        return sign * (r - math.hypot(dx, dy)), sign * angle, 1.0 / self.radius, self.bend_at + r * angle
 
     def left_of(self, x, y):
         """Signed distances [m] to the left of the edge, for arrays."""
@@ -57,12 +56,12 @@ class Course:
     def seen_from(self, pose, reference_x):
         """(offset, heading, curvature) in the machine frame at reference_x."""
         x, y, psi = pose
-        c, s = np.cos(psi), np.sin(psi)
+        c, s = math.cos(psi), math.sin(psi)
         offset = 0.0
         for _ in range(60):
             wx, wy = x + c * reference_x - s * offset, y + s * reference_x + c * offset
             left, heading, curvature, _ = self.frame(wx, wy)
-            offset -= left / max(0.3, np.cos(heading - psi))
+            offset -= left / max(0.3, math.cos(heading - psi))
             if abs(left) < 1e-7:
                 break
         return offset, heading - psi, curvature
@@ -89,7 +88,7 @@ class Loop:
 
     def run(self, distance):
         """Rows (travelled [m], error of the header end to its target [m], curvature command, engaged)."""
-        period, fine, wheelbase = 0.04, 0.005, MACHINE.wheelbase
+        period, fine, wheelbase, most = 0.04, 0.005, MACHINE.wheelbase, math.radians(15)
         setup = setup_of(self.side, period)
         law = self.law(self.law_params or self.params, setup)
         law.reset(Stream(1, "steer"))
@@ -104,21 +103,9 @@ class Loop:
         command, yaw_rate = 0.0, 0.0
         while travelled < distance:
             poses.append((x, y, psi))
-            late = round(self.delay / period)
-            old = poses[max(0, len(poses) - 1 - late)]
-            offset, heading, curvature = self.course.seen_from(old, self.reference_x)
-            lost = self.edge_lost[0] < travelled < self.edge_lost[1]
-            edge = CropEdge(
-                t=max(0, t - round(late * period * 1e9)),
-                offset=np.nan if lost else offset + self.noise * rng.standard_normal(),
-                heading=np.nan if lost else heading + self.heading_noise * rng.standard_normal(),
-                curvature=curvature if self.curvature_known else 0.0,
-                reference_x=self.reference_x,
-                confidence=0.0 if lost else 0.9,
-                crop_height=0.85,
-                stubble_height=0.15,
-            )
-            if self.sense is not None:
+            if self.sense is None:
+                edge = self._edge(t, poses, period, travelled, rng)
+            else:
                 edge = self.sense(t, (x, y, psi), self.speed, yaw_rate)
             odometry = Odometry(t, self.speed, yaw_rate, angle)
             output = law.step(
@@ -126,17 +113,32 @@ class Loop:
             )
             command = output["command"].curvature
             for _ in range(round(period / fine)):
-                commands.append(np.arctan(command * wheelbase))
-                wanted = commands.pop(0)
-                rate = np.clip((wanted - angle) / 0.2, -np.deg2rad(15), np.deg2rad(15))
-                angle += rate * fine
-                yaw_rate = self.speed * np.tan(angle) / wheelbase
+                commands.append(math.atan(command * wheelbase))
+                angle += min(max((commands.pop(0) - angle) / 0.2, -most), most) * fine
+                yaw_rate = self.speed * math.tan(angle) / wheelbase
                 psi += yaw_rate * fine
-                x += self.speed * np.cos(psi + self.crab) * fine
-                y += self.speed * np.sin(psi + self.crab) * fine
+                x += self.speed * math.cos(psi + self.crab) * fine
+                y += self.speed * math.sin(psi + self.crab) * fine
             t += round(period * 1e9)
             travelled += self.speed * period
-            end = x + np.cos(psi) * a - np.sin(psi) * b, y + np.sin(psi) * a + np.cos(psi) * b
+            c, s = math.cos(psi), math.sin(psi)
+            end = x + c * a - s * b, y + s * a + c * b
             left = self.course.frame(*end)[0]
             rows.append((travelled, left - target, command, output["command"].is_engaged))
         return np.array(rows, dtype=float)
+
+    def _edge(self, t, poses, period, travelled, rng):
+        late = round(self.delay / period)
+        old = poses[max(0, len(poses) - 1 - late)]
+        offset, heading, curvature = self.course.seen_from(old, self.reference_x)
+        lost = self.edge_lost[0] < travelled < self.edge_lost[1]
+        return CropEdge(
+            t=max(0, t - round(late * period * 1e9)),
+            offset=np.nan if lost else offset + self.noise * rng.standard_normal(),
+            heading=np.nan if lost else heading + self.heading_noise * rng.standard_normal(),
+            curvature=curvature if self.curvature_known else 0.0,
+            reference_x=self.reference_x,
+            confidence=0.0 if lost else 0.9,
+            crop_height=0.85,
+            stubble_height=0.15,
+        )

@@ -1,5 +1,6 @@
 """A kinematic machine that is steered along a path by what its receiver and wheels say: the test bench."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -85,12 +86,12 @@ class PathDrive:
         h = FINE * 1e-9
         for i in range(round(seconds / h)):
             t = (i + 1) * FINE
-            waiting.append(np.arctan(command * self.machine.wheelbase))
-            rate = np.clip((waiting.pop(0) - angle) / LAG, -STEER_RATE, STEER_RATE)
+            waiting.append(math.atan(command * self.machine.wheelbase))
+            rate = min(max((waiting.pop(0) - angle) / LAG, -STEER_RATE), STEER_RATE)
             angle += rate * h
-            yaw_rate = self.speed * np.tan(angle) / self.machine.wheelbase * (1.0 - self.understeer)
+            yaw_rate = self.speed * math.tan(angle) / self.machine.wheelbase * (1.0 - self.understeer)
             middle = psi + 0.5 * yaw_rate * h + self.crab
-            x, y = x + self.speed * h * np.cos(middle), y + self.speed * h * np.sin(middle)
+            x, y = x + self.speed * h * math.cos(middle), y + self.speed * h * math.sin(middle)
             psi += yaw_rate * h
             state = MachineState(
                 t,

@@ -82,9 +82,10 @@ class Scanner:
     def scan(self, t, pose, rng, roll=0.0, pitch=0.0):
         """Scan stamped t [ns] from the machine pose (x, y, yaw) [m, m, rad]."""
         s = self.stand
-        ground = s.ground or np.zeros_like
-        below, ahead = (float(ground(np.array(pose[0] + dx * np.cos(pose[2])))) for dx in (0.0, 0.1))
-        pitch -= np.arctan2(ahead - below, 0.1)
+        below = 0.0
+        if s.ground is not None:
+            below, ahead = (float(s.ground(np.array(pose[0] + dx * np.cos(pose[2])))) for dx in (0.0, 0.1))
+            pitch -= np.arctan2(ahead - below, 0.1)
         machine = Pose.from_euler([pose[0], pose[1], below], roll=roll, pitch=pitch, yaw=pose[2])
         origin = machine.apply(self.mounting.position)
         a = self.azimuth
@@ -98,23 +99,26 @@ class Scanner:
         length = (level[None, :] - origin[2]) / down[:, None]
         x = origin[0] + length * directions[:, 0:1]
         y = origin[1] + length * directions[:, 1:2]
-        level = level[None, :] - ground(x)  # from here on above the ground
-        depth = s.inside(x, y) - s.tilt * level
+        level = level[None, :] - (0.0 if s.ground is None else s.ground(x))  # from here on above the ground
+        depth = s.inside(x, y) - (s.tilt * level if s.tilt else 0.0)
         for start, stop in s.gaps:
             depth = np.where((x > start) & (x < stop), -1.0, depth)
-        share = np.clip(depth / s.spot + 0.5, 0.0, 1.0) if s.spot > 0 else (depth > 0).astype(float)
-        if s.lean > 0:
-            share = np.interp(depth / np.maximum(s.lean * level, 1e-3), NORMAL[0], NORMAL[1])
-        hazard = share * np.interp(level, self.z, self.crop) + (1 - share) * np.interp(
-            level, self.z, self.cut
-        )
+        crop, cut = (np.interp(level, self.z, hazard) for hazard in (self.crop, self.cut))
+        if s.lean > 0 or s.spot > 0:
+            if s.lean > 0:
+                share = np.interp(depth / np.maximum(s.lean * level, 1e-3), NORMAL[0], NORMAL[1])
+            else:
+                share = np.clip(depth / s.spot + 0.5, 0.0, 1.0)
+            hazard = share * crop + (1 - share) * cut
+        else:
+            hazard = np.where(depth > 0, crop, cut)
         path = np.hypot(directions[:, 0], directions[:, 1])[:, None] * np.diff(length, axis=1)
-        optical = np.concatenate([np.zeros((len(a), 1)), np.cumsum(hazard[:, 1:] * path, axis=1)], axis=1)
+        optical = np.cumsum(hazard[:, 1:] * path, axis=1)  # down to each level but the first
         drawn = rng.exponential(size=len(a))
-        hit = (optical < drawn[:, None]).sum(axis=1)
+        hit = 1 + np.count_nonzero(optical < drawn[:, None], axis=1)
         rows, last = np.arange(len(a)), level.shape[1] - 1
-        lands = np.minimum((level > 0.0).sum(axis=1), last)
-        stopped = hit < (last + 1 if s.ground is None else lands)
+        lands = last + 1 if s.ground is None else np.minimum((level > 0.0).sum(axis=1), last)
+        stopped = hit < lands
         hit = np.minimum(hit, last)
         within = rng.uniform(size=len(a))
         ranges = length[rows, hit] - within * (length[rows, hit] - length[rows, np.maximum(hit - 1, 0)])

@@ -53,7 +53,7 @@ def test_heights_below_which_a_share_lies():
 
 @pytest.mark.parametrize("parts", [1, 3])
 @pytest.mark.parametrize(
-    ("pieces", "spread", "edge"), [(3.5, 0.035, 0.0), (9.0, 0.05, 0.05), (14.0, 0.08, 0.1), (9.0, 0.15, 0.22)]
+    ("pieces", "spread", "edge"), [(3.5, 0.035, 0.0), (14.0, 0.08, 0.1), (9.0, 0.15, 0.22)]
 )
 def test_the_offset_of_the_canopy_is_found_whatever_the_guess_and_the_crop(parts, pieces, spread, edge):
     found = learned(parts, pieces * parts**0.5, spread, edge)
@@ -88,8 +88,7 @@ def test_back_to_a_saved_moment():
     assert two.shift(0.9) == one.shift(0.9) != 0.045
 
 
-@pytest.mark.parametrize("density", [200.0, 700.0])
-@pytest.mark.parametrize("lean", [0.05, 0.15])
+@pytest.mark.parametrize(("density", "lean"), [(200.0, 0.15), (700.0, 0.05)])
 def test_the_feet_are_found_in_the_closed_form_canopy(density, lean):
     """A canopy that shares nothing with the rule but that it leans to both sides; 6 cm with the guess."""
     found = errors(drive(scans=350, stand={"density": density, "lean": lean}), after=7.0)
@@ -105,7 +104,9 @@ def test_that_a_spot_touches_the_crop_early_is_learned_too(spot):
     ("sets", "most"),
     [
         (("field.stand.stems_per_m2=200",), 0.02),
-        (("field.stand.crop=barley", "field.edge.stubble_height_m=0.15"), 0.025),
+        pytest.param(
+            ("field.stand.crop=barley", "field.edge.stubble_height_m=0.15"), 0.025, marks=pytest.mark.draws
+        ),
     ],
 )
 def test_thin_wheat_and_barley_on_real_stems(sets, most):

@@ -17,7 +17,7 @@ from tests.control.test_likelihood_ratio import detector
 FAR = 99_000.0  # m; keys end at 100 km
 
 
-def told(turn=0.0, place=(0.0, 0.0)):
+def told(turn, place):
     """Every edge of 12 m past a turned field: offset [m], heading [rad], deviation [m], metres inside."""
     sets = {
         "run.distance_m": 12.0,
@@ -44,10 +44,9 @@ def told(turn=0.0, place=(0.0, 0.0)):
     return np.array(edges)
 
 
-@pytest.mark.parametrize(("turn", "place"), [(137.0, (0.0, 0.0)), (-60.0, (-FAR, FAR))])
-def test_a_turned_and_a_far_field(turn, place):
-    """Turned with all in it, or far off: other stems and clods are met, and the edge is told as well."""
-    offset, heading, sd, inside = told(turn, place).T
+def test_a_turned_and_a_far_field():
+    """Turned with all in it, and far off: other stems and clods are met, and the edge is told as well."""
+    offset, heading, sd, inside = told(-60.0, (-FAR, FAR)).T
     late = slice(-50, None)
     assert len(offset) > 140
     assert np.sqrt(np.mean(inside[late] ** 2)) < 0.035

@@ -55,7 +55,7 @@ def check(edge):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(scans(), odometry, st.integers(-3, 60)), min_size=1, max_size=8), st.booleans())
 def test_any_scans(level, sequence, is_warm):
     detector = level.component(level.params(), setup_of("left", 0.04, MOUNT))

@@ -75,8 +75,6 @@ def filled(level, start, seed):
     ("level", "start", "seed"),
     [
         ("by_profile", 0.86, 7),
-        ("by_profile", 0.7, 7),
-        ("front_to_back", 0.78, 11),
         ("by_profile", 0.78, 11),
         ("front_to_back", 0.86, 7),
     ],

