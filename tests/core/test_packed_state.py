@@ -170,8 +170,16 @@ def test_damaged_bytes_are_read_or_refused():
     assert found == {type(PLAIN), UnpackableState}
 
 
+def is_own(value, module):
+    """Whether it can be called, and no other module of swath is where it is written."""
+    written = getattr(value, "__module__", None) or ""
+    return callable(value) and (written == module or not written.startswith("swath."))
+
+
 def everything():
-    """Every class, function and method of swath that can be imported, and what is dangerous elsewhere."""
+    """Every class, function and method of swath that can be imported, by the module that it is written in,
+    and what is dangerous elsewhere.
+    """
     found = {}
     for info in pkgutil.walk_packages(swath.__path__, "swath."):
         if not info.name.endswith("__main__"):
@@ -179,7 +187,7 @@ def everything():
                 module = importlib.import_module(info.name)
             except ImportError:  # of an extra that is not installed
                 continue
-            found |= {f"{info.name}:{name}": value for name, value in vars(module).items() if callable(value)}
+            found |= {f"{info.name}:{name}": v for name, v in vars(module).items() if is_own(v, info.name)}
     for module in (builtins, os, subprocess, ctypes, importlib, pickle, np):
         found |= {f"{module.__name__}:{name}": v for name, v in vars(module).items() if callable(v)}
     methods = {}

@@ -16,52 +16,21 @@ from tests.fake_levels import FAKE, GOOD
 NASTY = [None, True, False, -1, 0, 1 << 40, -(1 << 62), 1e308, -1e308, 5e-324, "", "7 km/h", "nan", "x" * 500]
 NASTY += [".nan", "off", "a.py:B", "..", "/", "\0", "é\n\t", "../../etc", "__init__", "level", [], {}, [[]]]
 NASTY += [
-    {"level": "plants"},
-    {"level": None},
-    {"level": ["plants"]},
-    {"": 1},
-    [1, [2, [3, [4]]]],
+    {"level": "plants"}, {"level": None}, {"level": ["plants"]}, {"": 1}, [1, [2, [3, [4]]]],
     {"a": {"b": {}}},
-]
+]  # fmt: skip
 RAW = [
-    ".nan",
-    "-.inf",
-    "1e999",
-    "!!python/object:os.system {}",
-    "*none",
-    "&a [*a]",
-    "[",
-    "{a: 1, a: 2}",
+    ".nan", "-.inf", "1e999", "!!python/object:os.system {}", "*none", "&a [*a]", "[", "{a: 1, a: 2}",
     "<<: x",
-]
+]  # fmt: skip
 RAW += [
-    "9" * 5000,
-    "[" * 300,
-    "? [x]",
-    "'",
-    '"\\ud800"',
-    "%",
-    "@",
-    "`",
-    "|",
-    "- -",
-    "{<<: [1]}",
+    "9" * 5000, "[" * 300, "? [x]", "'", '"\\ud800"', "%", "@", "`", "|", "- -", "{<<: [1]}",
     "0x" + "f" * 40,
-]
+]  # fmt: skip
 KEYS = [
-    "level",
-    "rate_hz",
-    "wires",
-    "file",
-    "folder",
-    "sensor",
-    "machine",
-    "shape",
-    "kind",
-    "x_m",
-    "spead_kmh",
-    "a.b",
-]
+    "level", "rate_hz", "wires", "file", "folder", "sensor", "machine", "shape", "kind", "x_m",
+    "spead_kmh", "a.b",
+]  # fmt: skip
 
 
 def paths(data, at=()):
@@ -140,20 +109,20 @@ def validator():
     return jsonschema.Draft202012Validator(scenario_schema(FAKE))
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(mutated())
 def test_mutated_data(text):
     if read(text) is not None:
         assert validator().is_valid(parse(text).data)  # an editor must not mark what can be run
 
 
-@settings(max_examples=300)
+@settings(max_examples=120)
 @given(scrambled() | st.text(max_size=60))
 def test_scrambled_text(text):
     read(text)
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(
     st.lists(
         st.sampled_from(

@@ -21,18 +21,9 @@ def test_numbers_words_and_text():
         "a: 1e3\nb: yes\nc: 2018-07-01\nd: 1:30\ne: ~\nf: 0x10\ng: .5\nh: 'true'\ni: True\nj: 08\nk:"
     ).data
     assert data == {
-        "a": 1000.0,
-        "b": "yes",
-        "c": "2018-07-01",
-        "d": "1:30",
-        "e": None,
-        "f": 16,
-        "g": 0.5,
-        "h": "true",
-        "i": True,
-        "j": 8,
-        "k": None,
-    }
+        "a": 1000.0, "b": "yes", "c": "2018-07-01", "d": "1:30", "e": None, "f": 16,
+        "g": 0.5, "h": "true", "i": True, "j": 8, "k": None,
+    }  # fmt: skip
 
 
 def test_every_key_has_its_line():
