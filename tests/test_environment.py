@@ -130,7 +130,6 @@ def _alike(one, other):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({}, {"autoreset_mode": "NextStep"}),
         ({}, {"autoreset_mode": "SameStep", "scan": True, "limits_s": 0.2}),
         ({}, {"autoreset_mode": "NextStep", "seeds": [5, 9], "speed": True}),
         (
@@ -156,12 +155,14 @@ def _alike(one, other):
                 "combine.edge": "truth",
                 "combine.header.level": "fixed_height",
                 "combine.camera": {"level": "rays", "rate_hz": 10, "width_px": 32, "height_px": 24},
+                "field.stand.level": "uniform",
+                "run.distance_m": 0.4,
+                "expect": {"distance_m": {"max": 0.3}},
             },
-            {"autoreset_mode": "SameStep", "picture": True},
+            {"autoreset_mode": "SameStep", "picture": True, "num_envs": 2},
         ),
     ],
     ids=[
-        "next step",
         "same step, scans",
         "seeds, speed",
         "truncated",
@@ -172,29 +173,29 @@ def _alike(one, other):
     ],
 )
 def test_worlds_in_step_give_the_bits_of_environments_of_their_own(more, words):
-    """Three environments over several episodes, which end at different times."""
+    """Two or three environments, each beyond the end of its first episode."""
     import gymnasium
 
     mode, task = words["autoreset_mode"], {k: v for k, v in words.items() if k != "autoreset_mode"}
-    task["sets"] = {**IN_STEP, **more}
-    many = gymnasium.make_vec("swath/straight", num_envs=3, autoreset_mode=mode, **task)
+    task = {"num_envs": 3, **task, "sets": {**IN_STEP, **more}}
+    many = gymnasium.make_vec("swath/straight", autoreset_mode=mode, **task)
     assert isinstance(many.unwrapped, swath.VectorEnv)
     by_mode = {"vectorization_mode": "sync", "vector_kwargs": {"autoreset_mode": mode}}
-    sync = gymnasium.make_vec("swath/straight", num_envs=3, **by_mode, **task)
+    sync = gymnasium.make_vec("swath/straight", **by_mode, **task)
     assert many.observation_space == sync.observation_space
     assert many.action_space == sync.action_space
     for one, other in zip(many.reset(seed=3), sync.reset(seed=3), strict=True):
         assert same(one, other)
     random, ends = np.random.default_rng(4), 0
-    for _ in range(22):
+    for _ in range(6 if "picture" in words else 12):
         actions = random.uniform(-0.5, 0.5, many.action_space.shape).astype(np.float32)
         if "speed" in words:
             actions[:, 1] = [0.9, 0.5, 0.9]
         found, wanted = many.step(actions), sync.step(actions)
         for one, other in zip(found, wanted, strict=True):
             assert same(one, other)
-        ends += int((found[2] | found[3]).sum())
-    assert ends >= 6
+        ends += found[2] | found[3]
+    assert (ends >= 1).all()
     many.close()
     sync.close()
 
@@ -420,7 +421,7 @@ def test_speed_is_an_action_too():
 
 
 THRESHES = {
-    "run.distance_m": 40,
+    "run.distance_m": 26,
     "combine.lidar": "off",
     "combine.edge.level": "truth",
     "combine.motion.start_speed_kmh": 7,

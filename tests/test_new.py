@@ -28,7 +28,7 @@ def test_a_template_runs_by_the_command_that_is_printed(kind, tmp_path, monkeypa
         pytest.importorskip("openodd", reason="needs the extra `odd`")
     if kind == "job":
         pytest.importorskip("shapely", reason="needs the extra `geo`")
-    code = main([*words[1:], *(["--no-replay"] if words[1] == "run" else [])])
+    code = main([*words[1:], *(["--no-report", "--no-replay"] if words[1] == "run" else [])])
     assert code in (0, 1, 3)  # too short for limits
     if kind == "odd":
         return
@@ -83,5 +83,5 @@ def test_completion_knows_commands_and_options(capsys):
 def test_scenario_and_detector_work_together(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["new", "scenario"]) == main(["new", "detector"]) == 0
-    words = ["--set", "combine.edge.level=my_edge_detector.py:MyEdgeDetector", "--no-replay"]
+    words = ["--set", "combine.edge.level=my_edge_detector.py:MyEdgeDetector", "--no-report", "--no-replay"]
     assert main(["run", "my_scenario.yaml", *words]) == 0

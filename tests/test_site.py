@@ -1,6 +1,7 @@
 """The documentation as a site: every page within two clicks of the first one, and no warning."""
 
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -29,10 +30,22 @@ def test_every_page_is_one_click_away():
 def test_the_site_builds_without_a_warning(tmp_path):
     for module in ("sphinx", "myst_parser", "furo", "gymnasium"):
         pytest.importorskip(module)
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "html"]
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-n", "-q", "-b", "dummy"]
     done = subprocess.run([*command, str(DOCS), str(tmp_path)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
-    searchable = (tmp_path / "searchindex.js").read_text(encoding="utf-8")
+
+
+def test_a_page_of_the_site_is_searchable_and_loads_nothing_from_elsewhere(tmp_path):
+    """Two pages by the configuration of all."""
+    for module in ("sphinx", "myst_parser", "furo"):
+        pytest.importorskip(module)
+    (tmp_path / "explanation").mkdir()
+    (tmp_path / "index.md").write_text("# swath\n```{toctree}\nexplanation/validation\n```\n")
+    shutil.copy(DOCS / "explanation" / "validation.md", tmp_path / "explanation")
+    (tmp_path / "static").symlink_to(DOCS / "static")
+    command = [sys.executable, "-m", "sphinx", "-q", "-b", "html", "-c", str(DOCS)]
+    subprocess.run([*command, str(tmp_path), str(tmp_path / "site")], capture_output=True, check=True)
+    searchable = (tmp_path / "site" / "searchindex.js").read_text(encoding="utf-8")
     assert "explanation/validation" in searchable
-    page = (tmp_path / "index.html").read_text(encoding="utf-8")
+    page = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert not re.findall(r'(?:src|href)="https?://(?!www\.sphinx-doc|github\.com/pradyunsg)[^"]*"', page)
