@@ -1,10 +1,14 @@
 """Two runs beside each other: what is named, the first difference, the page."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 import swath
 from swath.commands.main import main
 from swath.core.errors import InputError
+from swath.record.read.feed import unlike
 from swath.tools.diff.compare import compare
 
 SETS = {
@@ -100,3 +104,12 @@ class Own:
     def step(self, t, dt, inputs):
         return {{"command": SpeedCommand(t, {factor})}}
 """
+
+
+def test_blocks_that_are_alike_are_passed_over():
+    def blocks(*data):
+        return iter([("a_exact", 0, SimpleNamespace(data=np.array(d, np.uint8))) for d in data])
+
+    found = unlike(blocks([1], [2, 3], [4], [5]), blocks([1], [2, 3], [4, 0], [6], [7]))
+    assert [[list(block.data) for *_, block in one] for one in found] == [[[4], [5]], [[4, 0], [6], [7]]]
+    assert [list(one) for one in unlike(blocks([1]), blocks([1], [2]))] == [[], []]

@@ -229,6 +229,12 @@ def unpack(message: Any) -> Iterator[tuple[int, Signal]]:
         raise InputError("recording", MSGTYPE, f"expected a block of samples ({reason_of(error)})") from error
 
 
+def is_same_block(a: Any, b: Any) -> bool:
+    """Whether two blocks hold the same samples, of the same times, bit for bit."""
+    names = ("signal", "count", "published", "t", "names", "kinds", "held", "data")
+    return all(np.array_equal(getattr(a, n, ()), getattr(b, n, ())) for n in names)
+
+
 def _columns(message: Any) -> Iterator[list[Any]]:
     """The values of every column, one per sample."""
     data, at = bytes(message.data), 0

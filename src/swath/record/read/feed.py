@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 
 from swath.core.abilities import Closes
@@ -11,7 +11,7 @@ from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.frames import wrap_angle
 from swath.record.read.files import Log
-from swath.record.samples import MSGTYPE, SUFFIX, signal_type, unpack
+from swath.record.samples import MSGTYPE, SUFFIX, is_same_block, signal_type, unpack
 from swath.signals import MachineState, Signal
 from swath.signals.flat import build, flat_fields, read
 
@@ -158,6 +158,14 @@ def exact_samples(blocks: Iterator[tuple[str, int, Any]]) -> Iterator[Timed]:
     """The samples in blocks; they come in the order in which they were published."""
     for _, _, block in blocks:
         yield from unpack(block)
+
+
+def unlike(a: Iterator[Record], b: Iterator[Record]) -> tuple[Iterator[Record], Iterator[Record]]:
+    """The blocks of samples of two recordings from the first one on that differs from the other's."""
+    for one, other in zip(a, b, strict=False):
+        if not is_same_block(one[2], other[2]):
+            return chain([one], a), chain([other], b)
+    return iter(()), iter(())
 
 
 def exact_port(log: Log, slot: str, output: str) -> Port:

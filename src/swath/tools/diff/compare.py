@@ -14,7 +14,7 @@ from swath.documents.yaml_document import read_document
 from swath.judge.summary import read_summary
 from swath.record.charts import Columns, shown_charts
 from swath.record.digest import encode
-from swath.record.read.feed import exact_outputs, exact_samples
+from swath.record.read.feed import exact_outputs, exact_samples, unlike
 from swath.record.read.files import Log, open_log
 from swath.replay.machines import derived
 from swath.replay.moments import events_of
@@ -136,7 +136,8 @@ def _log(folder: Path) -> Log | None:
 
 def _first_difference(topic: str, slot: str, a: Log, b: Log) -> Difference | None:
     """The first difference of one output; being longer is no difference of a run."""
-    for one, other in zip_longest(*(exact_samples(log.messages((topic,))) for log in (a, b))):
+    blocks = unlike(*(log.messages((topic,)) for log in (a, b)))
+    for one, other in zip_longest(*map(exact_samples, blocks)):
         if one is None or other is None:
             return None
         if one[0] != other[0]:
