@@ -4,9 +4,10 @@ import ctypes
 import os
 import stat
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import cache, partial
+from functools import cache, partial, wraps
 from pathlib import Path
 from struct import Struct
 from typing import Any
@@ -39,7 +40,23 @@ def start_warp() -> Any:
         wp.config.kernel_cache_dir = str(_own_temporary())
     with _quiet_stderr():  # without a GPU driver the native part says so there
         wp.init()
+    modules = type(wp.get_module(__name__))
+    modules.load = _one_at_a_time(modules.load)
     return wp
+
+
+def _one_at_a_time(load: Callable[..., Any]) -> Callable[..., Any]:
+    """Warp's way to load compiled kernels, by one thread at a time: two that load the same ones unload what
+    the other runs.
+    """
+    lock = threading.RLock()
+
+    @wraps(load)
+    def loaded(*args: Any, **kwargs: Any) -> Any:
+        with lock:
+            return load(*args, **kwargs)
+
+    return loaded
 
 
 def member_array(kind: Any, name: str, array: Any, device: str = "cpu") -> Any:

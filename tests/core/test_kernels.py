@@ -2,11 +2,12 @@
 
 import os
 import tempfile
+import threading
 
 import numpy as np
 import pytest
 
-from swath.kernels import _own_temporary, address
+from swath.kernels import _own_temporary, address, start_warp
 
 ROOM = np.arange(12.0)
 FIXED = ROOM.copy()
@@ -48,3 +49,23 @@ def test_no_folder_or_file_of_a_kernel_cache_is_written_by_others(tmp_path, monk
     inside.rename(tmp_path / "elsewhere")
     inside.symlink_to(tmp_path / "elsewhere")
     assert _own_temporary() != planted
+
+
+def test_a_kernel_that_many_threads_ask_for_at_once_is_loaded_once():
+    wp, begin, loaded = start_warp(), threading.Barrier(8), []
+
+    @wp.kernel(module="unique")
+    def twice(numbers: wp.array(dtype=wp.float64)):
+        numbers[0] = wp.float64(2.0) * numbers[0]
+
+    def load():
+        begin.wait()
+        loaded.append(twice.module.load(wp.get_device("cpu")))
+
+    threads = [threading.Thread(target=load) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(loaded) == 8
+    assert len({id(each) for each in loaded}) == 1
