@@ -240,3 +240,10 @@ def test_icp_finds_what_was_moved():
     )
     with pytest.raises(InputError, match="expected two clouds of one place"):
         compare_clouds(a, far, align="icp")
+
+
+def test_points_that_are_no_one_field_are_refused(las):
+    cloud = stand(1)
+    cloud.points[:2, :2] = (40_000.0, 0.0), (0.0, 4_000.0)
+    with pytest.raises(InputError, match=r"expected points of one field, they spread over \d{5} x \d{4} m"):
+        read_cloud(las("far.las", cloud), Reading(Wanted()))

@@ -224,7 +224,12 @@ def _las_heights(points: F64, classes: Any, path: Path, notes: list[str]) -> F64
     _check_heights(np.maximum(height, LOWEST_M), path)
     track = axis_track(points)
     across = np.array([-np.sin(track.heading), np.cos(track.heading)])
-    frame = Frame(track, CELL_M, 1.0 + float(np.ptp(points[:, :2] @ across)))
+    aside = float(np.ptp(points[:, :2] @ across))
+    try:
+        frame = Frame(track, CELL_M, 1.0 + aside)
+    except InputError:
+        expected = f"expected points of one field, they spread over {track.length:.0f} x {aside:.0f} m"
+        raise InputError("scans", path.name, expected, file=path) from None
     local, chosen = frame.to_local(points), is_ground if has_ground else np.ones(len(points), bool)
     shift = _low(frame, local[chosen], height[chosen], frame.nodes()[0].shape)
     what = "the points of its ground class" if has_ground else "its lowest echoes"

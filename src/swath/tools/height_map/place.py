@@ -12,7 +12,7 @@ from swath.tools.height_map.poses import PoseTrack
 from swath.tools.height_map.source import Echoes, Source
 
 Array = NDArray[np.float64]
-TILES_MAX = 1 << 22
+TILES_MAX = 1 << 20  # the nodes of so many take some 700 MB
 BATCH = 1 << 15  # echoes that are worked on at once
 
 
