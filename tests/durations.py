@@ -80,18 +80,18 @@ def faults(kept: dict[str, Any], now: dict[str, set[str]]) -> Iterator[str]:
 
 
 def keep(files: list[Path]) -> None:
-    """Put measured files in the place of what was known of them."""
+    """Put what was measured of files in the place of what was known; `test` and `draws` each for itself."""
     kept = read()
     for path in files:
         measured = json.loads(path.read_text(encoding="utf-8"))
-        for file in {**measured["test"], **measured[DRAWS]}:
-            for part in ("test", DRAWS):
-                kept[part].pop(file, None)
-                if file in measured[part]:
-                    kept[part][file] = measured[part][file]
+        for part in ("test", DRAWS):
+            kept[part] |= measured[part]
     now = written()
     for part in ("test", DRAWS):
-        kept[part] = {file: tests for file, tests in kept[part].items() if file in now}
+        known = {
+            f: {n: s for n, s in tests.items() if n in now.get(f, ())} for f, tests in kept[part].items()
+        }
+        kept[part] = {file: tests for file, tests in known.items() if tests}
     write(kept)
 
 
