@@ -164,6 +164,7 @@ OWN_READS = {  # parts of swath itself, and what it wrote in the same command; a
 }  # fmt: skip
 READERS = re.compile(
     r"\.read_(?:text|bytes)\(|np\.load\(|ParquetFile\(|pq\.read_table\(|(?<!def )(?<![\w.])open\("
+    r"|imread\((?!io\.)"
     r"|(?<!os)(?<!gzip)(?<!device)(?<!memory)(?<!Image)(?<!rasterio)(?<!laspy)\.open\("  # of what was opened
 )
 

@@ -94,6 +94,28 @@ def test_a_job_of_which_a_picture_is_missing_goes_on_to_the_same_bytes(made, tmp
     assert files_of(out) == files_of(made)
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda part: part["annotations"][0]["segmentation"].update(counts="o" * 40),
+        lambda part: part["annotations"][0]["segmentation"].update(size=[10**12, 64]),
+        lambda part: part["annotations"][0].update(category_id=len(NAMES) + 1),
+        lambda part: part["annotations"][0].update(bbox=[0, 0, 1e300, "a"]),
+        lambda part: part["annotations"].append(None),
+        lambda part: part["image"].update(file_name="../../elsewhere.jpg"),
+        lambda part: part["image"].update(id=3),
+        lambda part: part.pop("image"),
+    ],
+)
+def test_a_picture_whose_annotations_are_damaged_is_made_again(made, tmp_path, damage):
+    out = shutil.copytree(made, tmp_path / "part")
+    file = out / "parts" / f"{min((out / 'parts').glob('*.json')).stem}.json"
+    part = json.loads(file.read_text())
+    damage(part)
+    file.write_text(json.dumps(part))
+    assert [j.pictures for j in missing(settings_of("straight", **SMALL), out)] == [(0,)]
+
+
 @pytest.mark.draws
 def test_a_killed_job_goes_on_to_the_same_bytes(made, tmp_path):
     out = tmp_path / "part"

@@ -113,6 +113,17 @@ def unpacked(text: str) -> list[int]:
     return values
 
 
+def is_annotation(data: Any, height: int, width: int) -> bool:
+    """Whether data is an annotation, as `annotations_of` makes them, of a picture of so many pixels. Data of
+    another form may raise anything.
+    """
+    sizes = unpacked(data["segmentation"]["counts"])
+    is_mask = data["segmentation"]["size"] == [height, width] and min(sizes) >= 0
+    is_box = len(data["bbox"]) == 4 and all(0 <= number <= max(height, width) for number in data["bbox"])
+    is_named = data["category_id"] in range(1, len(NAMES) + 1) and data["iscrowd"] in (0, 1)
+    return is_mask and sum(sizes) == height * width and is_box and is_named
+
+
 def mask_of(segmentation: dict[str, Any]) -> NDArray[np.bool_]:
     """The mask (height, width) of run lengths."""
     lengths = unpacked(segmentation["counts"])

@@ -8,6 +8,7 @@ the camera goes from place to place. What varies between the pictures is of each
 its number alone.
 """
 
+import io
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -29,7 +30,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.documents.json_file import read_object
-from swath.documents.packed import LARGEST_BYTES, readable
+from swath.documents.packed import LARGEST_BYTES
 from swath.documents.text_file import read_bytes
 from swath.field.solid.obstacles import SheetKind, SheetObstacle, things_of
 from swath.record.scan_messages import encoded
@@ -40,7 +41,7 @@ from swath.scenario.scenario import Scenario, load_scenario
 from swath.sensing.camera.pinhole import OPTICAL
 from swath.signals import OBSTACLE_KINDS, Image
 from swath.signals.image import ImageBoxes
-from swath.tools.dataset.coco import CATEGORIES, NAMES, annotations_of, category_map, mask_of
+from swath.tools.dataset.coco import CATEGORIES, NAMES, annotations_of, category_map, is_annotation, mask_of
 from swath.tools.scan.scan import first_of_kind
 
 CROPS = ("wheat", "barley", "rye")
@@ -324,7 +325,7 @@ def write_overview(out: Path) -> Path:
     for each in axes:
         each.axis("off")
     for k, image in enumerate(images):
-        picture = imread(out / "images" / image["file_name"]).astype(float)
+        picture = imread(io.BytesIO(picture_bytes(out, image["file_name"])), format="jpg").astype(float)
         own = [a for a in whole["annotations"] if a["image_id"] == image["id"]]
         axes[2 * k].imshow(picture.astype(np.uint8))
         axes[2 * k].set_title(image["file_name"], fontsize=7, loc="left", pad=2)
@@ -430,11 +431,32 @@ def make_dataset(
     return join(settings, out)
 
 
+def picture_bytes(out: Path, name: str) -> bytes:
+    """What the file of a picture holds. InputError where it cannot be read."""
+    return read_bytes(out / "images" / name, "file", "a picture", LARGEST_BYTES)
+
+
+def kept(out: Path, picture: int) -> dict[str, Any] | None:
+    """What was written of a picture; None where it is not there, or not whole: it is made again."""
+    from PIL import Image
+
+    name = name_of(picture)
+    try:
+        part = read_object(part_of(out, picture), "part", "annotations")
+        image = part["image"]
+        across, down = Image.open(io.BytesIO(picture_bytes(out, f"{name}.jpg"))).size
+        is_own = image["id"] == picture + 1 and image["file_name"] == f"{name}.jpg"
+        is_whole = all(is_annotation(a, down, across) for a in part["annotations"])
+    except Exception:  # what is in damaged files may raise anything
+        return None
+    return part if is_own and is_whole else None
+
+
 def missing(settings: Settings, out: Path) -> list[SceneJob]:
     """The pictures that are not there, by scene."""
     rest: dict[int, list[int]] = {}
     for picture in range(settings.count):
-        if not os.path.isfile(part_of(out, picture)):
+        if kept(out, picture) is None:
             rest.setdefault(picture // settings.per_scene, []).append(picture)
     return [SceneJob(scene, tuple(pictures)) for scene, pictures in rest.items()]
 
@@ -444,13 +466,14 @@ def join(settings: Settings, out: Path) -> Path:
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for picture in range(settings.count):
-        file, what = part_of(out, picture), "what swath dataset wrote of a picture"
-        part = read_object(file, "part", what)
-        with readable("part", what, file):
-            images.append(part["image"])
-            for annotation in part["annotations"]:
-                numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
-                annotations.append({**numbers, **annotation})
+        if (part := kept(out, picture)) is None:
+            raise InputError(
+                "--out", str(out), f"expected pictures as they were made, not {name_of(picture)}"
+            )
+        images.append(part["image"])
+        for annotation in part["annotations"]:
+            numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
+            annotations.append({**numbers, **annotation})
     info = {"description": f"swath {swath.__version__}: {settings.scenario}", "version": swath.__version__}
     whole: dict[str, Any] = {"info": info, "licenses": [], "images": images, "annotations": annotations}
     whole["categories"] = CATEGORIES
