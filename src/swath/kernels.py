@@ -21,9 +21,29 @@ from swath.core.files.temporary import TemporaryFolder
 BUILT_FOR = f"-target-cpu {os.environ['SWATH_CPU']}" if "SWATH_CPU" in os.environ else "-march=native"
 
 
+_loading = threading.RLock()  # held by the thread that starts Warp, or loads kernels
+
+
+def _loading_anew() -> None:
+    """In a process that was forked, whose parent may have held it."""
+    global _loading
+    _loading = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_loading_anew)
+
+
 @cache
 def start_warp() -> Any:
-    """The `warp` module, initialised.
+    """The `warp` module, initialised, also where threads ask for it at once."""
+    with _loading:
+        return _started()
+
+
+@cache
+def _started() -> Any:
+    """Start Warp.
 
     The kernel cache is Warp's own (WARP_CACHE_PATH or the user's cache folder); when that cannot be written,
     a folder of this user in the system's temporary folder.
@@ -49,11 +69,10 @@ def _one_at_a_time(load: Callable[..., Any]) -> Callable[..., Any]:
     """Warp's way to load compiled kernels, by one thread at a time: two that load the same ones unload what
     the other runs.
     """
-    lock = threading.RLock()
 
     @wraps(load)
     def loaded(*args: Any, **kwargs: Any) -> Any:
-        with lock:
+        with _loading:
             return load(*args, **kwargs)
 
     return loaded

@@ -101,6 +101,17 @@ def test_an_object_stays_and_tells_its_notes(log):
         tally.fail()
 
 
+def test_another_file_ends_no_object_that_stays(log, fresh):
+    tally = apart_probe.tally(log)
+    other = log.with_name("other.log")
+    other.write_text("other")
+    assert apart_probe.content(log) == b"text"  # by the same reader
+    assert len(call._alive) == 1
+    with pytest.raises(InputError, match="signal 6"):
+        apart_probe.broken(other)
+    assert sum(tally.numbers(100)) == 4950
+
+
 def test_a_folder_has_one_reader_and_few_stay(log, tmp_path, fresh):
     for name in ("a", "b", "c"):
         log.with_name(f"{name}.log").write_text(name)

@@ -1,12 +1,15 @@
 """Memory that Python and kernels share."""
 
 import os
+import subprocess
+import sys
 import tempfile
 import threading
 
 import numpy as np
 import pytest
 
+from swath import kernels
 from swath.kernels import _own_temporary, address, start_warp
 
 ROOM = np.arange(12.0)
@@ -49,6 +52,37 @@ def test_no_folder_or_file_of_a_kernel_cache_is_written_by_others(tmp_path, monk
     inside.rename(tmp_path / "elsewhere")
     inside.symlink_to(tmp_path / "elsewhere")
     assert _own_temporary() != planted
+
+
+def test_warp_starts_once_for_threads_that_ask_at_once():
+    code = (
+        "import os, threading; from swath.kernels import start_warp; begin = threading.Barrier(4)\n"
+        "before = os.fstat(2); asked = [threading.Thread(target=lambda: (begin.wait(), start_warp()))"
+        " for _ in range(4)]\n"
+        "[t.start() for t in asked]; [t.join() for t in asked]\n"
+        "assert os.path.samestat(before, os.fstat(2))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_process_that_was_forked_while_a_thread_loads_kernels_can_load_its_own():
+    held, over = threading.Event(), threading.Event()
+
+    def hold():
+        with kernels._loading:
+            held.set()
+            over.wait(60.0)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    held.wait(60.0)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if kernels._loading.acquire(blocking=False) else 1)
+    over.set()
+    thread.join()
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
 def test_a_kernel_that_many_threads_ask_for_at_once_is_loaded_once():

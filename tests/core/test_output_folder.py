@@ -113,3 +113,14 @@ def test_what_cannot_be_written_is_named_as_it_was_asked_for(tmp_path):
     with pytest.raises(OSError) as caught:
         write_whole(tmp_path / "a.yaml", "x")
     assert caught.value.filename == str(tmp_path / "a.yaml")
+
+
+@pytest.mark.parametrize("length", [4090, 5000])
+def test_a_path_that_is_too_long_is_one_error(tmp_path, capsys, length):
+    folder = str(tmp_path)
+    while len(folder) < length - 200:
+        folder += f"/{'x' * 150}"
+    folder += "/" + "y" * (length - len(folder) - 1)
+    line = ["run", "straight", "--set", "run.distance_m=1", "--no-report", "--quiet", "--out", folder]
+    assert main(line) == 2
+    assert "at most 255 bytes" in capsys.readouterr().err

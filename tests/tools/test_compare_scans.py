@@ -245,5 +245,15 @@ def test_icp_finds_what_was_moved():
 def test_points_that_are_no_one_field_are_refused(las):
     cloud = stand(1)
     cloud.points[:2, :2] = (40_000.0, 0.0), (0.0, 4_000.0)
-    with pytest.raises(InputError, match=r"expected points of one field, they spread over \d{5} x \d{4} m"):
+    with pytest.raises(InputError, match=r"at most 2.7 km2 .* they spread over \d{5} x \d{4} m"):
         read_cloud(las("far.las", cloud), Reading(Wanted()))
+
+
+@pytest.mark.draws
+def test_points_over_a_field_of_36_hectares_are_read(las):
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0.0, 600.0, (20_000, 3)) * (1.0, 1.0, 0.001)
+    file = las("field.las", replace(stand(1), points=points, height=points[:, 2]))
+    cloud = read_cloud(file, Reading(Wanted()))
+    assert np.ptp(cloud.points[:, :2], axis=0) == pytest.approx([600.0, 600.0], abs=1.0)
+    assert 0.0 <= np.median(cloud.height) < 0.7

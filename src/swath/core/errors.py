@@ -12,7 +12,7 @@ MIGRATED_BY = "`swath migrate` of version 0.2 rewrites a file of version 0.1"
 """What an error about a file in an old form says: the last version that reads it."""
 LONGEST = 300
 """Characters of an error at most, whatever its input holds."""
-TOO_LONG = "its names may have at most 255 bytes"
+TOO_LONG = "its names may have at most 255 bytes, all of it 4,095"
 DAMAGED = "it is damaged, or of another kind"
 _LONGEST_PLACE, _LONGEST_VALUE, _LEAST_VALUE = 150, 80, 50
 _MOST_LISTS, _MOST_LIKE = 8, 2000  # lists in a text that are cut; names of one that are compared

@@ -129,7 +129,8 @@ class Kept:
     def __init__(self, process: "_Process", number: int, told: dict[str, Any], place: _Place) -> None:
         vars(self).update(told)
         self._asked = process, number, place
-        weakref.finalize(self, process.dropped.append, ("object", number))
+        process.keeps[number] = place.path
+        weakref.finalize(self, process.drop, number)
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
@@ -147,6 +148,7 @@ class _Process:
     def __init__(self, roots: frozenset[str], libraries: frozenset[str], size: int) -> None:
         self.roots, self.libraries, self.size = roots, libraries, size
         self.dropped: list[tuple[str, int]] = []
+        self.keeps: dict[int, Path] = {}  # of which file each object is that stays here
         self._lock = threading.RLock()
         self._most = int(float(os.environ.get(MEMORY_GB) or 1.25) * (1 << 30)) + PER_BYTE * size
         errors = None if os.environ.get("SWATH_DEBUG") else subprocess.DEVNULL
@@ -159,6 +161,11 @@ class _Process:
         self._send(pickle.dumps(([*sys.path], sorted(roots), sorted(libraries), self._most, layers)))
         self._awaited, self._is_new = {*filter(None, layers)}, True
         self.may_read = True
+
+    def drop(self, number: int) -> None:
+        """Let an object go with the next request."""
+        self.dropped.append(("object", number))
+        self.keeps.pop(number, None)
 
     @property
     def is_alive(self) -> bool:
@@ -315,6 +322,7 @@ def _process_for(path: Path, size: int, libraries: Sequence[str]) -> _Process:
                 process.roots >= roots
                 and process.libraries >= needed
                 and process.size >= size
+                and {path} >= {*process.keeps.values()}  # no file ends the object of another one
                 and process.is_alive
             ):
                 return process

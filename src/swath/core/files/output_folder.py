@@ -87,8 +87,9 @@ def _locked(folder: Path) -> int:
         file = open_to_keep(path, os.O_RDWR)
         try:
             _take(file, folder)
-            if os.path.exists(path) and os.path.samestat(os.fstat(file), path.stat()):
-                return file  # else the process before removed it between the two lines above
+            with suppress(FileNotFoundError):  # the process before removed it between the two lines above
+                if os.path.samestat(os.fstat(file), path.stat()):
+                    return file
         except BaseException:
             os.close(file)
             raise

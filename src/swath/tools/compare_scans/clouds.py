@@ -17,12 +17,12 @@ from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError, reason_of
 from swath.core.files.read_file import check_readable
 from swath.field.maps.projection import transform
-from swath.rays.height_grid import NODE_CELLS, lattice_height
+from swath.rays.height_grid import NODE_CELLS, TILE, lattice_height
 from swath.signals import F64
 from swath.tools.height_map.build import open_source
 from swath.tools.height_map.gather import Samples
 from swath.tools.height_map.ground import ground_of_poses, low_echoes
-from swath.tools.height_map.place import Frame, batches, placed
+from swath.tools.height_map.place import TILES_MAX, Frame, batches, placed
 from swath.tools.height_map.poses import PoseTrack, make_track
 from swath.tools.height_map.source import Source, Wanted
 
@@ -224,11 +224,13 @@ def _las_heights(points: F64, classes: Any, path: Path, notes: list[str]) -> F64
     _check_heights(np.maximum(height, LOWEST_M), path)
     track = axis_track(points)
     across = np.array([-np.sin(track.heading), np.cos(track.heading)])
-    aside = float(np.ptp(points[:, :2] @ across))
+    aside = (points[:, :2] - middle[:2]) @ across
     try:
-        frame = Frame(track, CELL_M, 1.0 + aside)
+        frame = Frame(track, CELL_M, 1.0 + float(np.abs(aside).max()))
     except InputError:
-        expected = f"expected points of one field, they spread over {track.length:.0f} x {aside:.0f} m"
+        most = TILES_MAX * (TILE * CELL_M) ** 2 / 1e6
+        spread = f"they spread over {track.length:.0f} x {np.ptp(aside):.0f} m"
+        expected = f"expected at most {most:.1f} km2 of ground about the points, {spread}"
         raise InputError("scans", path.name, expected, file=path) from None
     local, chosen = frame.to_local(points), is_ground if has_ground else np.ones(len(points), bool)
     shift = _low(frame, local[chosen], height[chosen], frame.nodes()[0].shape)
