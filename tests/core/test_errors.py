@@ -1,6 +1,8 @@
 """What an error says of the value that was wrong, how long it gets, and that it survives a process pool."""
 
+import errno
 import importlib
+import os
 import pickle
 import pkgutil
 import re
@@ -10,8 +12,11 @@ from pathlib import Path
 import pytest
 
 import swath
-from swath.core.errors import LONGEST, InputError, MissingExtra, SwathError, capped, some_of
+from swath.core.errors import LONGEST, InputError, MissingExtra, SwathError, absence_of, capped, some_of
+from swath.field_io.folder_files import read_info
+from swath.runtime.folder import check_run_folder
 from swath.scenario.reader import ScenarioError
+from swath.scenario.scenario import find_scenario
 
 
 def test_a_long_value_is_cut_and_a_path_is_not():
@@ -120,3 +125,19 @@ def test_a_list_that_is_cut_twice_counts_once():
     count, _, rest = rest.partition(" more")
     assert len(kept.split(", ")) + int(count) == len(names)
     assert rest == ": expected a column of time"
+
+
+def test_a_folder_that_may_not_be_entered_is_why_nothing_is_found(tmp_path, monkeypatch):
+    closed, usual = tmp_path / "closed", os.stat
+
+    def stat(path, **how):
+        if str(path).startswith(f"{closed}/"):
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return usual(path, **how)
+
+    monkeypatch.setattr(os, "stat", stat)
+    assert absence_of(closed / "a", "there is none") == "Permission denied"
+    assert absence_of(tmp_path / "a", "there is none") == "there is none"
+    for find in (find_scenario, check_run_folder, lambda path: read_info(path, dict)):
+        with pytest.raises(InputError, match="Permission denied"):
+            find(closed / "a.yaml")

@@ -1,6 +1,7 @@
 """Errors a user can act on: what is wrong, where, and what was expected."""
 
 import errno
+import os
 import pickle
 import re
 from collections.abc import Iterable, Sequence
@@ -121,6 +122,17 @@ class Extra:
         """MissingExtra in the place of an ImportError."""
         if isinstance(error, ImportError):
             raise MissingExtra(*self._missing) from error
+
+
+def absence_of(path: str | Path, usual: str) -> str:
+    """Why nothing was found at a path: `usual`, or that a folder on the way may not be entered."""
+    try:
+        os.stat(path)
+    except PermissionError as error:
+        return reason_of(error)
+    except (OSError, ValueError):
+        pass
+    return usual
 
 
 def reason_of(error: BaseException) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, absence_of
 from swath.documents.json_file import read_json
 from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, Place, read_document
@@ -135,10 +135,11 @@ def read_info(folder: Path, kind: type[T]) -> tuple[T, dict[str, Any]]:
     """What field.yaml says, checked as `kind`, and all of it. InputError names key, file and line."""
     path = folder / "field.yaml"
     if not os.path.isdir(folder):
-        what = "this is a file" if os.path.exists(folder) else "there is none"
+        what = "this is a file" if os.path.exists(folder) else absence_of(folder, "there is none")
         raise InputError("field folder", str(folder), f"expected a folder, {what}")
     if not os.path.isfile(path):
-        raise InputError("field folder", str(folder), "expected a field folder, it has no field.yaml")
+        what = absence_of(path, "it has no field.yaml")
+        raise InputError("field folder", str(folder), f"expected a field folder, {what}")
     document = replace(read_document(path), kind="field folder")
     made: T = checked(kind, document)
     return made, document.data

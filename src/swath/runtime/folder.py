@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
-from swath.core.errors import InputError
+from swath.core.errors import InputError, absence_of
 from swath.core.files.output_folder import LOCK, check_folder, check_free, held
 from swath.core.files.place import remove, remove_folder
 from swath.core.files.whole_file import PART
@@ -34,11 +34,13 @@ SAVES, SAVED, PAGES = "saves", ".save", "field.bin"  # a folder, names in it
 def check_run_folder(folder: Path, *names: str) -> None:
     """InputError where a folder is no run folder with these files."""
     if not os.path.isdir(folder):
-        what = "this is a file" if os.path.exists(folder) else "there is none of this name"
+        none = absence_of(folder, "there is none of this name")
+        what = "this is a file" if os.path.exists(folder) else none
         raise InputError("RUN", str(folder), f"expected a run folder, {what}")
     for name in names:
         if not os.path.isfile(folder / name):
-            raise InputError("RUN", str(folder), f"expected a run folder, it has no {name}")
+            what = absence_of(folder / name, f"it has no {name}")
+            raise InputError("RUN", str(folder), f"expected a run folder, {what}")
 
 
 def choose_run_folder(

@@ -18,7 +18,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError, shortened
+from swath.core.errors import InputError, absence_of, shortened
 from swath.core.foreign_code import Gate, NamesCode, file_of, is_allowed, present_gate
 from swath.documents.data_sheets import expected_name, find_sheet, sheet_names
 from swath.documents.yaml_document import Document, dump, key_path, parse, read_document
@@ -211,10 +211,10 @@ def find_scenario(source: str | Path) -> Path:
             return find_sheet("scenarios", source)
     except (InputError, OSError, ValueError):
         raise InputError("scenario", str(source), expected_name("scenarios", str(source))) from None
-    expected = (
-        "expected a run folder, it has no scenario.yaml" if os.path.isdir(path) else "there is no such file"
-    )
-    raise InputError("scenario", str(source), expected)
+    what = absence_of(path, "there is no such file")
+    if os.path.isdir(path):
+        what = f"expected a run folder, {absence_of(path / 'scenario.yaml', 'it has no scenario.yaml')}"
+    raise InputError("scenario", str(source), what)
 
 
 def code_of(scenario: Scenario) -> list[Path]:

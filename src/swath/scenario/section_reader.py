@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError, SwathError, absence_of
 from swath.core.foreign_code import NamesCode, is_allowed, is_left, refusal
 from swath.core.registry import Level
 from swath.documents.data_sheets import find_sheet
@@ -178,5 +178,6 @@ class SectionReader:
             is_there = False
         if is_there:
             return str(target)
-        self.note(path, value, f"there is no such {'folder' if wants_folder else 'file'}")
+        none = f"there is no such {'folder' if wants_folder else 'file'}"
+        self.note(path, value, absence_of(self.base(path) / value, none))
         return value
