@@ -137,7 +137,7 @@ class Can:
         while True:
             if time.monotonic() >= due:
                 self.send(self.CLAIMED, 6, (1 << 63 | 2 << 60 | 255 << 40 | 1234).to_bytes(8, "little"))
-                due += 0.2
+                due = time.monotonic() + 0.2
             frame = self.bus.recv(0.2)
             if frame is not None and frame.arbitration_id >> 16 & 0x3FF == self.STATUS >> 8:
                 self.must_release = frame.data[2] >> 6 == 1

@@ -322,7 +322,7 @@ def _process_for(path: Path, size: int, libraries: Sequence[str]) -> _Process:
                 process.roots >= roots
                 and process.libraries >= needed
                 and process.size >= size
-                and {path} >= {*process.keeps.values()}  # no file ends the object of another one
+                and all(kept == path for kept in [*process.keeps.values()])  # no file ends another's object
                 and process.is_alive
             ):
                 return process

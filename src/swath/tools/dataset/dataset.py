@@ -30,7 +30,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.documents.json_file import read_object
-from swath.documents.packed import LARGEST_BYTES
+from swath.documents.packed import LARGEST_BYTES, readable
 from swath.documents.text_file import read_bytes
 from swath.field.solid.obstacles import SheetKind, SheetObstacle, things_of
 from swath.record.scan_messages import encoded
@@ -436,8 +436,8 @@ def picture_bytes(out: Path, name: str) -> bytes:
     return read_bytes(out / "images" / name, "file", "a picture", LARGEST_BYTES)
 
 
-def kept(out: Path, picture: int) -> dict[str, Any] | None:
-    """What was written of a picture; None where it is not there, or not whole: it is made again."""
+def is_there(out: Path, picture: int) -> bool:
+    """Whether a picture and its annotations are there, and whole; else they are made again."""
     from PIL import Image
 
     name = name_of(picture)
@@ -448,15 +448,15 @@ def kept(out: Path, picture: int) -> dict[str, Any] | None:
         is_own = image["id"] == picture + 1 and image["file_name"] == f"{name}.jpg"
         is_whole = all(is_annotation(a, down, across) for a in part["annotations"])
     except Exception:  # what is in damaged files may raise anything
-        return None
-    return part if is_own and is_whole else None
+        return False
+    return bool(is_own and is_whole)
 
 
 def missing(settings: Settings, out: Path) -> list[SceneJob]:
     """The pictures that are not there, by scene."""
     rest: dict[int, list[int]] = {}
     for picture in range(settings.count):
-        if kept(out, picture) is None:
+        if not is_there(out, picture):
             rest.setdefault(picture // settings.per_scene, []).append(picture)
     return [SceneJob(scene, tuple(pictures)) for scene, pictures in rest.items()]
 
@@ -466,14 +466,13 @@ def join(settings: Settings, out: Path) -> Path:
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for picture in range(settings.count):
-        if (part := kept(out, picture)) is None:
-            raise InputError(
-                "--out", str(out), f"expected pictures as they were made, not {name_of(picture)}"
-            )
-        images.append(part["image"])
-        for annotation in part["annotations"]:
-            numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
-            annotations.append({**numbers, **annotation})
+        file, what = part_of(out, picture), "what swath dataset wrote of a picture"
+        part = read_object(file, "part", what)
+        with readable("part", what, file):
+            images.append(part["image"])
+            for annotation in part["annotations"]:
+                numbers = {"id": len(annotations) + 1, "image_id": part["image"]["id"]}
+                annotations.append({**numbers, **annotation})
     info = {"description": f"swath {swath.__version__}: {settings.scenario}", "version": swath.__version__}
     whole: dict[str, Any] = {"info": info, "licenses": [], "images": images, "annotations": annotations}
     whole["categories"] = CATEGORIES
