@@ -131,7 +131,7 @@ def test_version_and_help(capsys):
         (["run", "a", "--sed", "3"], "unrecognized arguments: --sed 3, did you mean --seed?"),
         (["run", "nowhere.yaml"], "swath: scenario = nowhere.yaml: there is no such file"),
         (["run", "strait"], "did you mean 'straight'?"),
-        (["run", "small.yaml", "--seed", "x"], "seed = x: expected a whole number (--seed x)"),
+        (["run", "small.yaml", "--seed", "x"], "--seed: expected a whole number, not 'x'"),
         (["run", "small.yaml", "--set", "combine.speed.speed_kmh=-1"], "(--set combine.speed.speed_kmh=-1)"),
         (["scan", "small.yaml", "--at", "-1"], "swath: --at-s = -1.0: expected 0 to 100000"),
         (["levels", "lidr"], "did you mean 'lidar'?"),

@@ -20,8 +20,9 @@ from swath.core.process.collector import collect_rarely
 from swath.core.process.processes import skip_folder_settings
 from swath.core.process.stopping import Terminated, raise_if_lost, stoppable
 from swath.core.registry import OWN, installed, installed_part, user_line
+from swath.core.typed_numbers import number_in, unit_of
 from swath.link.ros2.middleware import networked
-from swath.terminal.options import number_in, option, whole_number_in
+from swath.terminal.options import option
 
 GROUPS = {
     "start": "start",
@@ -55,8 +56,18 @@ class _Parser(argparse.ArgumentParser):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self.register("type", float, number_in)
-        self.register("type", int, whole_number_in)
+        self._negative_number_matcher = re.compile(r"-\.?\d")  # `-33.9,18.4` and `-1e3` are no options
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """As argparse; numbers as `swath.core.typed_numbers` reads them, in the option's unit."""
+        if action.type not in (float, int):
+            return super()._get_value(action, arg_string)
+        unit, is_whole = vars(action).get("unit") or unit_of(action.dest), action.type is int
+        try:
+            return number_in(arg_string, unit, is_whole=is_whole)
+        except ValueError as error:
+            text = f"expected {'a whole number' if is_whole else 'a number'}, not {arg_string!r}{error}"
+            raise argparse.ArgumentError(action, text) from None
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """As argparse, in swath's words."""

@@ -18,6 +18,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from swath.core.errors import InputError, raise_all
+from swath.core.typed_numbers import number_form
 from swath.core.units import split_unit
 from swath.documents.yaml_document import Document, KeyPath, key_path
 
@@ -27,7 +28,6 @@ PATTERNS = {
     NAME_PATTERN: "at most 64 letters, digits, dots, - and _",
     WIRE_PATTERN: "slot.output or machine.slot.output",
 }
-_NUMBER_AND_UNIT = re.compile(r"^\s*[-+]?[0-9.,]+(?:[eE][-+]?[0-9]+)?\s*([A-Za-z°%µ].*)?$")
 
 
 def as_name(text: str, otherwise: str, most: int = 64) -> str:
@@ -61,16 +61,6 @@ def near_miss(value: Any, names: Iterable[str]) -> str:
     """`, did you mean 'x'?` or nothing."""
     near = difflib.get_close_matches(str(value), list(names), n=1)
     return f", did you mean {near[0]!r}?" if near else ""
-
-
-def number_form(key: str, value: Any, what: str = "a number") -> str:
-    """What a number's key expects; a number with a unit says so."""
-    unit = split_unit(key)[1]
-    text = f"expected {what} in {unit}" if unit else f"expected {what}"
-    match = _NUMBER_AND_UNIT.match(value) if isinstance(value, str) else None
-    if match is None:
-        return text
-    return text + (", without the unit" if match.group(1) else ", without quotes")
 
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)

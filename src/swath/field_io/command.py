@@ -25,7 +25,7 @@ def add(parsers: Any) -> Any:
     option(imports, "--dem F", "GeoTIFF of heights (default: the log's own)", type=Path)
     option(imports, "--boundary F", "GeoJSON, KML or shapefile of the field", type=Path)
     option(imports, "--columns MAP.yaml", "which column of the log is what, in which unit", type=Path)
-    option(imports, "--grain-g-per-stem G", "grain on a stem [g], for stems from the yield", type=float)
+    option(imports, "--grain-g-per-stem G", "grain on a stem [g]: stems from the yield", type=float, unit="g")
     option(imports, "--crop-height-m H", "height of the crop [m]", type=float)
     option(imports, "--header-width-m W", "width of the header [m], where the log holds none", type=float)
     option(imports, "--flow-delay-s S", "from the knife to the flow sensor [s] (default: found)", type=float)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.terminal.options import add_folder, add_replace, add_sets
+from swath.terminal.options import add_folder, add_replace, add_sets, option
 
 PLACE = "many", 3  # among all commands
 FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
@@ -32,9 +32,10 @@ def add(parsers: Any) -> None:
     add_sets(run, "change one key")
     told = "; ".join(f"{level}: {what}" for level, what in LEVELS.items())
     run.add_argument("--level", default="events", metavar="L", help=f"{told} (default events)")
-    run.add_argument(
-        "--spread", type=float, metavar="PERCENT",
-        help="at events: do it 24 times more, with speeds, yield and times at the truck up to so much off",
+    option(
+        run, "--spread PERCENT",
+        "at events: do it 24 times more, with speeds, yield and times at the truck up to so much off",
+        type=float, unit="percent",
     )  # fmt: skip
     run.set_defaults(run=run_job)
     jobs = verbs.add_parser("list", help="list the bundled jobs; print one")

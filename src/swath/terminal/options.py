@@ -1,9 +1,7 @@
 """Options that commands share: which scenario, what is changed in it, where to write."""
 
 import argparse
-from contextlib import suppress
 from functools import partial
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +9,13 @@ from swath.core.files.output_folder import held
 
 
 def option(
-    parser: argparse._ActionsContainer, name: str, text: str, default: Any = None, **more: Any
+    parser: argparse._ActionsContainer,
+    name: str,
+    text: str,
+    default: Any = None,
+    *,
+    unit: str = "",
+    **more: Any,
 ) -> None:
     """Add an option or an argument.
 
@@ -19,6 +23,7 @@ def option(
     text: of the help
     default: its type is that of the value, and the help says it; a list: the option may be given several
         times; a tuple: what may stand there, the first is the default
+    unit: of a number, a key of `swath.core.units.UNITS` (default: what the name ends in)
     more: what else argparse takes
     """
     name, _, metavar = name.partition(" ")
@@ -34,30 +39,15 @@ def option(
         more["action"] = "store_true"
     if isinstance(default, int | float | str) and default != "" and "default" not in text:
         text += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
-    parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
-
-
-def number_in(text: str) -> float:
-    """The finite number that an argument says. ArgumentTypeError."""
-    with suppress(ValueError):
-        if isfinite(number := float(text)):
-            return number
-    raise argparse.ArgumentTypeError(f"expected a number, not {text!r}")
-
-
-def whole_number_in(text: str) -> int:
-    """The whole number that an argument says. ArgumentTypeError."""
-    with suppress(ValueError):
-        if abs(number := int(text)) < 1 << 63:
-            return number
-    raise argparse.ArgumentTypeError(f"expected a whole number, not {text!r}")
+    added = parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
+    vars(added)["unit"] = unit
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     """`--out`, `--set` and `--seed`."""
     add_run_folder(parser)
     add_sets(parser, "change the scenario, e.g. combine.speed.speed_kmh=5; may be given several times")
-    option(parser, "--seed N", "another seed")
+    option(parser, "--seed N", "another seed", type=int)
 
 
 def add_folder(

@@ -12,6 +12,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import need_named
+from swath.core.typed_numbers import number_in, unit_of
 from swath.documents.validation import unknown_key
 
 LOOPBACK = "127.0.0.1"
@@ -36,13 +37,13 @@ class Address:
 
     def number(self, name: str, default: float, low: float, high: float) -> float:
         """An option that is a number. InputError where it is none, or not within bounds."""
-        text = self.options.get(name)
+        text, expected = self.options.get(name), f"expected {name} to be a number from {low:g} to {high:g}"
         try:
-            value = default if text is None else float(text)
-        except ValueError:
-            value = float("nan")
+            value = default if text is None else number_in(text, unit_of(name))
+        except ValueError as error:
+            raise InputError("device", self.text, f"{expected}{error}") from None
         if not low <= value <= high:
-            raise InputError("device", self.text, f"expected {name} to be a number from {low:g} to {high:g}")
+            raise InputError("device", self.text, expected)
         return value
 
     def choice(self, name: str, allowed: Sequence[str]) -> str:

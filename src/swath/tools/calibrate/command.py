@@ -25,7 +25,7 @@ def add(parsers: Any) -> None:
     )
     option(lidar, "--crop", "crop", "wheat")
     option(lidar, "--echo", "echo rule", ("percentile", "nearest"))
-    option(lidar, "--percentile P", "of the ranges in a spot, for --echo percentile", 50.0)
+    option(lidar, "--percentile P", "of the ranges in a spot, for --echo percentile", 50.0, unit="percent")
     option(lidar, "--sub-rays N", "sub-rays per beam", 37)
     option(lidar, "--profile", "intensity over the spot", ("gaussian", "uniform"))
     option(lidar, "--sensor NAME", "scanner whose receiver decides which echoes are too weak", "sick-lms111")

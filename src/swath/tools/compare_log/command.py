@@ -37,25 +37,26 @@ def add(parsers: Any) -> None:
         [],
     )
     option(log, "--machine NAME", "fit on this machine of the log, test on the others")
-    option(log, "--share SHARE", "fit on this first share of the log, test on the rest", 0.5)
+    option(log, "--share SHARE", "fit on this first share of the log, test on the rest", 0.5, unit="fraction")
     option(log, "--alternate", "fit on every other stretch between pauses, test on the others")
     option(log, "--process LEVEL", "level of the process", "threshing")
     option(log, "--engine LEVEL", "level of the powertrain", "ideal")
     option(log, "--straw R", "straw per grain (default 0.65; of a whole crop: no grain)", type=float)
     option(log, "--whole-crop", "the logged flow is all of the crop")
-    option(log, "--flow-floor F", "flow that is logged without crop [kg/s]", 0.0)
+    option(log, "--flow-floor F", "flow that is logged without crop [kg/s]", 0.0, unit="kg_s")
     option(
         log,
         "--load-over",
         "what 100 %% of logged load is: torque at the present speed, or the largest torque",
         ("present", "largest"),
     )
-    option(log, "--friction P", "logged load at zero torque [%%]", 0.0)
+    option(log, "--friction P", "logged load at zero torque [%%]", 0.0, unit="percent")
     option(
         log,
         "--antenna",
         "GNSS antenna, ahead of the fixed axle and left of it [m] (default 0 0)",
         type=float,
+        unit="m",
         nargs=2,
         metavar=("X", "Y"),
     )

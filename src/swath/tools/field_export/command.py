@@ -21,7 +21,7 @@ def add(parsers: Any) -> None:
     option(parser, "--to", "the form", choices=("sdf", "glb", "las"), required=True)
     option(parser, "--out F", "folder of sdf, file of the others", type=Path, required=True)
     add_sets(parser, "change the scenario, e.g. field.stand.crop=rye; may be given several times")
-    option(parser, "--seed N", "another seed")
+    option(parser, "--seed N", "another seed", type=int)
     option(parser, "--field-state FILE", "the field as a run left it (--save-field)")
     option(parser, "--at-s S", "after S seconds of driving", 0.0)
     option(parser, "--place X,Y", "the middle [m] (default: where the first machine meets the crop)")
@@ -67,11 +67,11 @@ def run(args: argparse.Namespace) -> int:
 def _place(text: str | None) -> tuple[float, float] | None:
     """Two numbers from the command line."""
     from swath.core.errors import check_within
-    from swath.tools.height_map.command import numbers_of
+    from swath.core.typed_numbers import read_numbers
 
     if text is None:
         return None
-    x, y = numbers_of("--place", text, (2,), "X,Y in metres")
+    x, y = read_numbers("--place", text, ("m",) * 2, "X,Y in metres")
     for value in (x, y):
         check_within("--place", value, -1e6, 1e6)
     return x, y

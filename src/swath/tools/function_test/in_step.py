@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 
 from swath.core.errors import InputError
+from swath.documents.yaml_document import parse_value
 from swath.runtime.worlds import gains_in_step
 from swath.tools.function_test.plan import PlannedRun, looked_at
 
@@ -42,7 +43,7 @@ def _gains(scenario: str, sets: tuple[str, ...]) -> bool:
 def is_number(text: str) -> bool:
     """Whether a change, as after `--set`, sets a number."""
     try:
-        float(text.partition("=")[2])
-    except ValueError:
+        value = parse_value(text.partition("=")[2], text)
+    except InputError:  # told as the result of the run
         return False
-    return True
+    return isinstance(value, int | float) and not isinstance(value, bool)

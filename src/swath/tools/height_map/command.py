@@ -86,24 +86,29 @@ def run_build(args: argparse.Namespace) -> int:
 def mount_of(text: str | None, option: str = "--mount") -> Any:
     """A mounting from the command line."""
     from swath.core.frames import Pose
+    from swath.core.typed_numbers import read_numbers
     from swath.core.units import DEG
 
     if text is None:
         return None
-    numbers = numbers_of(option, text, (6,), "x,y,z,roll,pitch,yaw [m, deg]")
+    units = ("m",) * 3 + ("deg",) * 3
+    numbers = read_numbers(option, text, units, "x,y,z,roll,pitch,yaw [m, deg]")
     return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
 
 
 def _antenna(text: str | None) -> tuple[float, float, float] | None:
+    from swath.core.typed_numbers import read_numbers
+
     if text is None:
         return None
-    x, y, z = numbers_of("--antenna", text, (3,))
+    x, y, z = read_numbers("--antenna", text, ("m",) * 3, "x,y,z [m]")
     return x, y, z
 
 
 def local_of(folder: Path | None, origin: str | None) -> Any:
     """What makes local metres of longitude, latitude, height; None where neither is given."""
     from swath.core.errors import InputError
+    from swath.core.typed_numbers import read_numbers
     from swath.record.read.fixes import TangentPlane, field_plane
 
     if folder is not None and origin is not None:
@@ -112,24 +117,9 @@ def local_of(folder: Path | None, origin: str | None) -> Any:
         return field_plane(folder)
     if origin is None:
         return None
-    lat, lon, *height = numbers_of("--origin", origin, (2, 3), "lat,lon[,height] [deg, m]")
+    units, form = ("deg", "deg", "m"), "lat,lon[,height] [deg, m]"
+    lat, lon, *height = read_numbers("--origin", origin, units, form, least=2)
     return TangentPlane(lon, lat, *height)
-
-
-def numbers_of(option: str, text: str, counts: tuple[int, ...], form: str = "x,y,z [m]") -> list[float]:
-    """Numbers with commas between them. InputError for others, or another count of them."""
-    from math import isfinite
-
-    from swath.core.errors import InputError
-
-    try:
-        numbers = [float(n) for n in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in counts or not all(isfinite(n) for n in numbers):
-        words = {2: "two", 3: "three", 6: "six"}
-        raise InputError(option, text, f"expected {words[counts[-1]]} numbers {form}")
-    return numbers
 
 
 def _report(grid: Any) -> None:

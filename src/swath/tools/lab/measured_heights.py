@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, reason_of
+from swath.core.typed_numbers import number_in, unit_of
 from swath.documents.text_file import text_lines
 from swath.signals import F64
 from swath.tools.lab.lab import Case
@@ -84,13 +85,12 @@ def _value(name: str, text: str | None, path: Path, line: int) -> Any:
     text = (text or "").strip()
     if name == "sensor":
         return text
+    if name == HEIGHT and text.lower() in ("", "nan"):
+        return np.nan
     try:
-        value = float(text) if text or name != HEIGHT else np.nan
-    except ValueError:
-        value = np.inf
-    if np.isinf(value) or (np.isnan(value) and name != HEIGHT):
-        raise InputError(name, text, "expected a number", file=path, line=line)
-    return value
+        return number_in(text, unit_of(name))
+    except ValueError as error:
+        raise InputError(name, text, f"expected a number{error}", file=path, line=line) from None
 
 
 def _no_height(have: str, path: Path) -> InputError:

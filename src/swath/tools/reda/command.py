@@ -23,7 +23,8 @@ def add(parsers: Any) -> None:
     option(parser, "--crop-height-m M", "height of the crop (default 0.6 0.85)", nargs="+", type=float)
     option(parser, "--stems-per-m2 N", "density of the stand (default 300 500)", nargs="+", type=float)
     option(parser, "--weather NAME", "clear, dust or rain (default: all)", nargs="+")
-    option(parser, "--hour H", "hours of 25 July, summer time: sun, air (extra light)", nargs="+", type=float)
+    option(parser, "--hour H", "hours of 25 July, summer time: sun, air (extra light)", nargs="+", type=float,
+           unit="h")  # fmt: skip
     option(
         parser,
         "--sensor NAME",
@@ -36,7 +37,9 @@ def add(parsers: Any) -> None:
     option(parser, "--moisture-percent PERCENT", "moisture of the straw", 12.0)
     option(parser, "--camera-px N", "width of the camera picture", 1280)
     option(parser, "--camera-least-px N", "pixels that a detector needs on the target", 40.0)
-    option(parser, "--least SHARE", "share of looks from which a place counts as covered", 0.9)
+    option(
+        parser, "--least SHARE", "share of looks from which a place counts as covered", 0.9, unit="fraction"
+    )
     option(parser, "--repeats N", "persons per place", 2)
     option(parser, "--seed N", "seed", 1)
     option(parser, "--workers N", "processes (default: cores)", type=int)

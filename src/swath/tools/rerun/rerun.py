@@ -80,7 +80,7 @@ def plan_rerun(
     *,
     slots: Sequence[str] | None = None,
     sets: Sequence[str] = (),
-    seed: str | None = None,
+    seed: int | None = None,
     is_all: bool = False,
 ) -> Rerun:
     """What to run for a run folder or a run.mcap.

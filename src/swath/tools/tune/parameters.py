@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.typed_numbers import number_form, range_in, range_meant, unit_of
 from swath.core.units import rounded
 from swath.documents.yaml_document import parse_value
 from swath.signals import F64
@@ -62,24 +63,32 @@ def read_parameter(text: str) -> Parameter:
     key, equals, said = text.partition("=")
     if not equals or not key or not said:
         raise InputError("--param", text, EXPECTED)
-    if ".." not in said:
-        choices = tuple(parse_value(part, text) for part in said.split(","))
+    unit, (ends, *kinds) = unit_of(key), said.split(":")
+    meant = range_meant(ends, unit) or range_meant(said, unit)
+    if ".." not in said.replace("../", "") and not meant:
+        choices = tuple(_choice(key, part) for part in said.split(","))
         if len(set(choices)) < max(2, len(choices)) or any(isinstance(c, list | dict) for c in choices):
             raise InputError(f"--param {key}", said, "expected two choices or more, all different: a,b")
         return Parameter(key, choices=choices)
-    ends, *kinds = said.split(":")
     try:
-        low, high = map(float, ends.split(".."))
-    except ValueError:
-        raise InputError("--param", text, EXPECTED) from None
+        low, high = range_in(ends, unit)
+    except ValueError as error:
+        raise InputError("--param", text, f"{EXPECTED}{str(error) or meant}") from None
     if set(kinds) - set(KINDS):
         raise InputError(f"--param {key}", said, f"expected {' or '.join(KINDS)} behind the colon")
-    if not low < high or ("log" in kinds and low <= 0.0):
-        expected = "expected the lower end first" + ", above 0 on a log scale" * ("log" in kinds)
-        raise InputError(f"--param {key}", said, expected)
+    if "log" in kinds and low <= 0.0:
+        raise InputError(f"--param {key}", said, "expected ends above 0 on a log scale")
     if "whole" in kinds and not (low.is_integer() and high.is_integer()):
         raise InputError(f"--param {key}", said, "expected whole numbers as ends")
     return Parameter(key, low, high, "whole" in kinds, "log" in kinds)
+
+
+def _choice(key: str, text: str) -> Scalar:
+    """One of some choices: InputError for a number that YAML takes for text, such as `1_000` or `12 ft`."""
+    value: Scalar = parse_value(text, f"--param {key}")
+    if value == text.strip() and (expected := number_form(key, value)) != number_form(key, None):
+        raise InputError(f"--param {key}", text, expected)
+    return value
 
 
 def as_text(key: str, told: str | Sequence[Any]) -> str:

@@ -21,6 +21,7 @@ from swath.core.files import whole_file
 from swath.core.files.output_folder import held
 from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import code_unread
+from swath.core.typed_numbers import read_numbers
 from swath.field.crop_sheet import load_crop
 from swath.field.maps.projection import Origin, origin_at
 from swath.field_io.folder import read_origin
@@ -28,7 +29,6 @@ from swath.machine.machine_sheet import load_machine
 from swath.record.tracks import read_tracks
 from swath.runtime.field_setup import stated_origin
 from swath.scenario.scenario import Scenario, load_scenario
-from swath.tools.height_map.command import numbers_of
 
 Array = NDArray[np.float64]
 NOWHERE = (52.0, 9.0)  # lat, lon [deg] of a field that lies nowhere on Earth
@@ -72,7 +72,7 @@ def place(text: str | None) -> tuple[float, float]:
     """Latitude and longitude [deg] of `52,9`. Raises InputError."""
     if text is None:
         return NOWHERE
-    lat, lon = numbers_of("--origin", text, (2,), "LAT,LON in degrees, like 52,9")
+    lat, lon = read_numbers("--origin", text, ("deg",) * 2, "LAT,LON in degrees, like 52,9")
     if not (abs(lat) <= 84.0 and abs(lon) <= 180.0):
         raise InputError("--origin", text, "expected a latitude of at most 84 and a longitude of at most 180")
     return lat, lon

@@ -33,7 +33,8 @@ def add(verbs: Any) -> None:
         [],
     )
     option(estimate, "--cheap-budget N", "runs of the cheap search (default: as --budget)", type=int)
-    option(estimate, "--at-most P", "judge: the probability is at most this", type=float)
+    option(estimate, "--at-most P", "judge: the probability is at most this", type=float,
+           unit="fraction")  # fmt: skip
     option(estimate, "--draw-seed N", "seed of the random points", 1)
     add_engine(estimate)
     estimate.set_defaults(run=_estimate)

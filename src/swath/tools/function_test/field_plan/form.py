@@ -8,6 +8,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_csv
+from swath.core.typed_numbers import number_in, unit_of
 from swath.documents.text_file import read_text
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario
@@ -128,9 +129,10 @@ def driven_point(row: Mapping[str, str], planned: Planned, path: Path) -> dict[s
             point[name] = known[text]
         else:
             try:
-                point[name] = float(text)
-            except ValueError:
-                raise InputError(name, text, f"expected a number in pass {row['pass']}", file=path) from None
+                point[name] = number_in(text, unit_of(name))
+            except ValueError as error:
+                expected = f"expected a number in pass {row['pass']}{error}"
+                raise InputError(name, text, expected, file=path) from None
     return point
 
 
