@@ -8,7 +8,7 @@ import pytest
 
 from swath.commands.main import UsageError, main, make_parser, subcommands
 from swath.core.errors import InputError
-from swath.core.typed_numbers import number_in, range_in, read_numbers, unit_of
+from swath.core.typed_numbers import number_in, numbers_in, range_in, unit_of
 from swath.core.units import UNITS
 from swath.documents.validation import number_form
 from swath.tools.tune.parameters import Parameter, read_parameter
@@ -263,11 +263,11 @@ def test_what_a_document_says_of_text_in_the_place_of_a_number(value, said):
 
 
 def test_lists_of_numbers():
-    assert read_numbers("--origin", "-33.9, 18.4", ("deg", "deg", "m"), "lat,lon", least=2) == [-33.9, 18.4]
-    assert read_numbers("--antenna", "1ft,0,2 m", ("m",) * 3, "x,y,z") == [0.3048, 0.0, 2.0]
+    assert numbers_in("--origin", "-33.9, 18.4", ("deg", "deg", "m"), "lat,lon", least=2) == [-33.9, 18.4]
+    assert numbers_in("--antenna", "1ft,0,2 m", ("m",) * 3, "x,y,z") == [0.3048, 0.0, 2.0]
     for text in ("1;2;3", "1,5,0,3", "1,2", "1,2,inf", "1,2,5 s", "1,2,"):
         with pytest.raises(InputError, match="expected three numbers x,y,z"):
-            read_numbers("--antenna", text, ("m",) * 3, "x,y,z")
+            numbers_in("--antenna", text, ("m",) * 3, "x,y,z")
 
 
 def test_what_begins_with_a_minus_and_a_digit_is_a_value():
@@ -293,3 +293,16 @@ def test_what_begins_with_a_minus_and_a_digit_is_a_value():
 def test_set_takes_a_number_for_a_number_alone(value, said, capsys):
     assert main(["run", "straight", "--set", f"combine.speed.speed_kmh={value}"]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_an_option_of_a_bus_that_looks_like_a_number_is_one():
+    from types import SimpleNamespace
+
+    from swath.link.can.command import _where
+    from swath.link.can.steering import Params
+
+    args = SimpleNamespace(interface="virtual", channel="x", option=["bitrate=500_000"])
+    with pytest.raises(InputError, match="--option bitrate = 500_000: expected a number, written 500000"):
+        _where(args, Params().where)
+    args.option = ["bitrate=500000"]
+    assert dict(_where(args, Params().where).options)["bitrate"] == 500000

@@ -101,7 +101,7 @@ def range_meant(text: str, unit: str = "") -> str:
     return f"; did you mean {min(ends[:2]):.12g}..{max(ends[:2]):.12g}?" if len(ends) in (2, 3) else ""
 
 
-def read_numbers(key: str, text: str, units: tuple[str, ...], form: str, *, least: int = 0) -> list[float]:
+def numbers_in(key: str, text: str, units: tuple[str, ...], form: str, *, least: int = 0) -> list[float]:
     """Numbers with commas between them, each in its unit. InputError for others, or another count of them.
 
     form: what the numbers are, for the error; least: how many there must be (default: all)
@@ -133,6 +133,12 @@ def number_form(key: str, value: object, what: str = "a number") -> str:
     digits, behind = _split(said)
     is_same = behind and number == float(digits)
     return text + (", without the unit" if is_same else f", written {number:.12g}")
+
+
+def check_text(flag: str, key: str, text: str, value: object) -> None:
+    """InputError where a typed text is taken as text, though it looks like a number: `1_000`, `12 ft`."""
+    if value == text.strip() and (expected := number_form(key, value)) != number_form(key, None):
+        raise InputError(flag, text, expected)
 
 
 def _plain(text: str) -> str:

@@ -110,6 +110,7 @@ def run_dbc(args: argparse.Namespace) -> int:
 def _where(args: argparse.Namespace, default: Any) -> Any:
     """The bus that the flags say; what they leave out is the default's."""
     from swath.core.errors import InputError
+    from swath.core.typed_numbers import check_text
     from swath.documents.yaml_document import parse_value
     from swath.link.can.bus import Where, check_bus
 
@@ -119,6 +120,7 @@ def _where(args: argparse.Namespace, default: Any) -> Any:
         if not equals:
             raise InputError(f"--option {text}", None, "expected KEY=VALUE")
         options[key] = parse_value(value, f"--option {text}")
+        check_text(f"--option {key}", key, value, options[key])
     return check_bus(Where(args.interface or default.interface, args.channel or default.channel, options))
 
 

@@ -108,11 +108,11 @@ def _reading(args: argparse.Namespace, which: str) -> Any:
 
 def _white(text: str | None) -> tuple[float, float] | None:
     from swath.core.errors import InputError
-    from swath.core.typed_numbers import read_numbers
+    from swath.core.typed_numbers import numbers_in
 
     if text is None:
         return None
-    a, b = read_numbers("--white", text, ("",) * 2, "A,B")
+    a, b = numbers_in("--white", text, ("",) * 2, "A,B")
     if not min(a, b) > 0.0:
         raise InputError("--white", text, "expected numbers above 0")
     return a, b

@@ -67,11 +67,11 @@ def run(args: argparse.Namespace) -> int:
 def _place(text: str | None) -> tuple[float, float] | None:
     """Two numbers from the command line."""
     from swath.core.errors import check_within
-    from swath.core.typed_numbers import read_numbers
+    from swath.core.typed_numbers import numbers_in
 
     if text is None:
         return None
-    x, y = read_numbers("--place", text, ("m",) * 2, "X,Y in metres")
+    x, y = numbers_in("--place", text, ("m",) * 2, "X,Y in metres")
     for value in (x, y):
         check_within("--place", value, -1e6, 1e6)
     return x, y

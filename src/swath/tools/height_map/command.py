@@ -86,29 +86,29 @@ def run_build(args: argparse.Namespace) -> int:
 def mount_of(text: str | None, option: str = "--mount") -> Any:
     """A mounting from the command line."""
     from swath.core.frames import Pose
-    from swath.core.typed_numbers import read_numbers
+    from swath.core.typed_numbers import numbers_in
     from swath.core.units import DEG
 
     if text is None:
         return None
     units = ("m",) * 3 + ("deg",) * 3
-    numbers = read_numbers(option, text, units, "x,y,z,roll,pitch,yaw [m, deg]")
+    numbers = numbers_in(option, text, units, "x,y,z,roll,pitch,yaw [m, deg]")
     return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
 
 
 def _antenna(text: str | None) -> tuple[float, float, float] | None:
-    from swath.core.typed_numbers import read_numbers
+    from swath.core.typed_numbers import numbers_in
 
     if text is None:
         return None
-    x, y, z = read_numbers("--antenna", text, ("m",) * 3, "x,y,z [m]")
+    x, y, z = numbers_in("--antenna", text, ("m",) * 3, "x,y,z [m]")
     return x, y, z
 
 
 def local_of(folder: Path | None, origin: str | None) -> Any:
     """What makes local metres of longitude, latitude, height; None where neither is given."""
     from swath.core.errors import InputError
-    from swath.core.typed_numbers import read_numbers
+    from swath.core.typed_numbers import numbers_in
     from swath.record.read.fixes import TangentPlane, field_plane
 
     if folder is not None and origin is not None:
@@ -118,7 +118,7 @@ def local_of(folder: Path | None, origin: str | None) -> Any:
     if origin is None:
         return None
     units, form = ("deg", "deg", "m"), "lat,lon[,height] [deg, m]"
-    lat, lon, *height = read_numbers("--origin", origin, units, form, least=2)
+    lat, lon, *height = numbers_in("--origin", origin, units, form, least=2)
     return TangentPlane(lon, lat, *height)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.typed_numbers import number_form, range_in, range_meant, unit_of
+from swath.core.typed_numbers import check_text, range_in, range_meant, unit_of
 from swath.core.units import rounded
 from swath.documents.yaml_document import parse_value
 from swath.signals import F64
@@ -84,10 +84,8 @@ def read_parameter(text: str) -> Parameter:
 
 
 def _choice(key: str, text: str) -> Scalar:
-    """One of some choices: InputError for a number that YAML takes for text, such as `1_000` or `12 ft`."""
     value: Scalar = parse_value(text, f"--param {key}")
-    if value == text.strip() and (expected := number_form(key, value)) != number_form(key, None):
-        raise InputError(f"--param {key}", text, expected)
+    check_text(f"--param {key}", key, text, value)
     return value
 
 

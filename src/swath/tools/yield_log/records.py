@@ -21,7 +21,7 @@ from swath.core.files import whole_file
 from swath.core.files.output_folder import held
 from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import code_unread
-from swath.core.typed_numbers import read_numbers
+from swath.core.typed_numbers import numbers_in
 from swath.field.crop_sheet import load_crop
 from swath.field.maps.projection import Origin, origin_at
 from swath.field_io.folder import read_origin
@@ -72,7 +72,7 @@ def place(text: str | None) -> tuple[float, float]:
     """Latitude and longitude [deg] of `52,9`. Raises InputError."""
     if text is None:
         return NOWHERE
-    lat, lon = read_numbers("--origin", text, ("deg",) * 2, "LAT,LON in degrees, like 52,9")
+    lat, lon = numbers_in("--origin", text, ("deg",) * 2, "LAT,LON in degrees, like 52,9")
     if not (abs(lat) <= 84.0 and abs(lon) <= 180.0):
         raise InputError("--origin", text, "expected a latitude of at most 84 and a longitude of at most 180")
     return lat, lon
