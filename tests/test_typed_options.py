@@ -8,9 +8,11 @@ import pytest
 
 from swath.commands.main import UsageError, main, make_parser, subcommands
 from swath.core.errors import InputError
-from swath.core.typed_numbers import number_in, numbers_in, range_in, unit_of
+from swath.core.typed_numbers import number_form, number_in, numbers_in, range_in, unit_of
 from swath.core.units import UNITS
-from swath.documents.validation import number_form
+from swath.documents.validation import checked
+from swath.documents.yaml_document import parse
+from swath.tools.function_test.case import Varied
 from swath.tools.tune.parameters import Parameter, read_parameter
 
 DRAWS = 300
@@ -306,3 +308,13 @@ def test_an_option_of_a_bus_that_looks_like_a_number_is_one():
         _where(args, Params().where)
     args.option = ["bitrate=500000"]
     assert dict(_where(args, Params().where).options)["bitrate"] == 500000
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("0..8", ", written [0, 8]"), ("2-8", ", written [2, 8]"), ("a..b", "")]
+)
+def test_a_range_in_a_document_is_a_list(text, said):
+    document = parse(f"key: combine.speed.speed_kmh\nrange: {text}")
+    with pytest.raises(InputError) as found:
+        checked(Varied, document)
+    assert f"range = {text}: expected a list{said}" in str(found.value)

@@ -89,16 +89,8 @@ def range_in(text: str, unit: str = "") -> tuple[float, float]:
 
 def range_meant(text: str, unit: str = "") -> str:
     """`; did you mean 2..8?` of `2-8`, `2:8`, `[2,8]`, `2,5..8` or `2...8`, else nothing."""
-    said = _plain(text)[: 2 * LONGEST]
-    inner = said.strip("[]() ")
-    parts = inner.split(",") if inner != said and "," in inner else _BETWEEN.split(inner)
-    if ".." in said:
-        parts = [part.replace(",", ".") if _COMMA.fullmatch(part) else part for part in parts]
-    try:
-        ends = [number_in(part, unit) for part in parts]
-    except ValueError:
-        return ""
-    return f"; did you mean {min(ends[:2]):.12g}..{max(ends[:2]):.12g}?" if len(ends) in (2, 3) else ""
+    ends = _ends(text, unit)
+    return f"; did you mean {ends[0]:.12g}..{ends[1]:.12g}?" if ends else ""
 
 
 def numbers_in(key: str, text: str, units: tuple[str, ...], form: str, *, least: int = 0) -> list[float]:
@@ -135,10 +127,30 @@ def number_form(key: str, value: object, what: str = "a number") -> str:
     return text + (", without the unit" if is_same else f", written {number:.12g}")
 
 
+def list_form(value: object) -> str:
+    """`, written [2, 8]` for the text of a range in the place of a list, else nothing."""
+    ends = _ends(value) if isinstance(value, str) and "," not in value else None
+    return f", written [{ends[0]:.12g}, {ends[1]:.12g}]" if ends else ""
+
+
 def check_text(flag: str, key: str, text: str, value: object) -> None:
     """InputError where a typed text is taken as text, though it looks like a number: `1_000`, `12 ft`."""
     if value == text.strip() and (expected := number_form(key, value)) != number_form(key, None):
         raise InputError(flag, text, expected)
+
+
+def _ends(text: str, unit: str = "") -> tuple[float, float] | None:
+    """The ends of a range however it is written, the lower one first."""
+    said = _plain(text)[: 2 * LONGEST]
+    inner = said.strip("[]() ")
+    parts = inner.split(",") if inner != said and "," in inner else _BETWEEN.split(inner)
+    if ".." in said:
+        parts = [part.replace(",", ".") if _COMMA.fullmatch(part) else part for part in parts]
+    try:
+        ends = [number_in(part, unit) for part in parts]
+    except ValueError:
+        return None
+    return (min(ends[:2]), max(ends[:2])) if len(ends) in (2, 3) else None
 
 
 def _plain(text: str) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from swath.core.errors import InputError, raise_all
-from swath.core.typed_numbers import number_form
+from swath.core.typed_numbers import list_form, number_form
 from swath.core.units import split_unit
 from swath.documents.yaml_document import Document, KeyPath, key_path
 
@@ -177,7 +177,8 @@ def _translate(error: Any, kind: Any, data: Any, path: KeyPath, document: Docume
         text = f"expected one of {', '.join(choices)}{near_miss(given, choices)}"
         return document.error((*where, tag), given, text)
     if code in _TYPES:
-        return document.error(where, _shown(value, last_is_there), "expected " + _TYPES[code])
+        text = "expected " + _TYPES[code] + (list_form(value) if _TYPES[code] == "a list" else "")
+        return document.error(where, _shown(value, last_is_there), text)
     if code in _LIMITS:
         numbers = {k: f"{v:g}" if isinstance(v, float) else v for k, v in context.items()}
         limit = _LIMITS[code].format(**numbers)
