@@ -192,4 +192,4 @@ def test_a_file_that_is_not_as_agopengps_writes_it_is_one_error(tmp_path, other,
 def test_older_files_are_told(tmp_path):
     path = as_agopengps_writes(tmp_path / "a")
     (path / "TrackLines.txt").rename(path / "ABLines.txt")
-    assert "not used: ABLines.txt of an older version" in read_agopengps(path).notes[-1]
+    assert "unused: ABLines.txt of an older version" in read_agopengps(path).notes[-1]

@@ -103,12 +103,12 @@ CASES = {  # file, area in ha, what the user is told
     "KML, two islands and ground in one": (
         lambda f: kml(f / "a.kml", *map(kml_polygon, (ISLET, HOME, POND, box(100, 120, 30, 80)))),
         2.70,
-        "2 areas of 0.30 ha within the field are islands without crop the field of 2.70 ha is taken, another",
+        "2 areas of 0.30 ha within the field are islands without crop unused: the field of 2.70 ha is taken",
     ),
     "KML, worked ground in a folder of its own": (
         lambda f: kml(f / "a.kml", f"<Folder>{kml_polygon(HOME)}{kml_polygon(POND)}</Folder>",
                       f"<Folder>{kml_polygon(WORKED[0])}{kml_polygon(WORKED[1])}</Folder>"),
-        2.80, "polygons of another folder within the field, 0.27 ha, are not used",
+        2.80, "unused: polygons of another folder within the field, 0.27 ha",
     ),
     "KML, two fields": (
         lambda f: kml(f / "a.kml", kml_polygon(HOME, name="Hill"), kml_polygon(BESIDE, name="Dale")),
@@ -137,7 +137,7 @@ CASES = {  # file, area in ha, what the user is told
         lambda f: geojson(f / "a.geojson", [HOME, clockwise(POND)], [ISLET]), 2.80,
         "another area of 0.02 ha is left out"
     ),
-    "GeoJSON, the same twice": (lambda f: geojson(f / "a.geojson", [HOME], [HOME]), 3.00, ""),
+    "GeoJSON, the same twice": (lambda f: geojson(f / "a.geojson", [HOME], [HOME]), 3.00, "copies: 1 of 2"),
     "GeoJSON, zones of a field": (lambda f: geojson(f / "a.geojson", *[[z] for z in ZONES]), 3.00,
         "4 polygons that touch"),
     "GeoJSON, a field and its zones": (
@@ -276,7 +276,7 @@ def strips(path, *, names):
 def test_polygons_with_a_yield_each_are_records(tmp_path):
     import shapefile
 
-    with pytest.raises(InputError, match="120 polygons: expected an outline, each has a yield"):
+    with pytest.raises(InputError, match="120 records: expected an outline, each has a yield"):
         read_outlines(strips(tmp_path / "a.geojson", names=("Yield_t_ha", "Moisture")))
     assert len(read_outlines(strips(tmp_path / "b.geojson", names=("Zone", "Moisture"))).areas) == 1
     with shapefile.Writer(str(tmp_path / "c.shp"), shapeType=shapefile.POLYGON) as file:

@@ -106,7 +106,7 @@ def test_grain_varies_under_the_passes_as_in_the_log(tmp_path):
         t += 20
     (tmp_path / "log.csv").write_text("\n".join(rows) + "\n")
     job = job_of(tmp_path, "{log: log.csv}")
-    assert any("yield varies as in the log" in note for note in job.notes)
+    assert any("the yield varies as in the log" in note for note in job.notes)
     ground = Ground(job, body_of(machines_of(job).truck))
     south, north = (np.array([shapely_here().box(40.0, y, 60.0, y + 2.0)]) for y in (14.0, 84.0))
     placed = [
@@ -249,4 +249,4 @@ def test_a_file_without_lines_and_outline_is_refused(tmp_path, content):
 def test_a_line_without_length_says_no_direction(tmp_path):
     job = lines_over(tmp_path, [], [lon_lat([(10, 10), (10, 10)])])
     assert job.plan.direction_deg is None
-    assert "1 of 1 lines without a direction are left out" in job.notes
+    assert "unused: line of fewer than 2 places" in job.notes

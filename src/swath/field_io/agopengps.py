@@ -115,14 +115,14 @@ def read_agopengps(path: Path) -> AgOpenGpsField:
     drives, rings = _read_boundary(path / BOUNDARY)
     if not rings:
         raise InputError("boundary", None, "expected a boundary, it has none", file=path / BOUNDARY)
-    notes = [f"{drives} islands that may be driven through are islands"] if drives else []
+    notes = [f"shape: {drives} islands that may be driven through are islands"] if drives else []
     headlands = _read_headlands(path / HEADLAND, len(rings)) if os.path.isfile(path / HEADLAND) else []
     lines: list[Line] = []
     if os.path.isfile(path / TRACKS):
         lines, left_out = _read_tracks(path / TRACKS)
-        notes += [f"not used: {name}" for name in left_out]
+        notes += [f"unused: {name}" for name in left_out]
     elif older := [name for name in OLDER if os.path.isfile(path / name)]:
-        notes.append(f"not used: {', '.join(older)} of an older version, open the field in a newer one")
+        notes.append(f"unused: {', '.join(older)} of an older version, open the field in a newer one")
     return AgOpenGpsField(plane, tuple(rings), tuple(headlands), tuple(lines), tuple(notes))
 
 

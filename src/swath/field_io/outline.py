@@ -2,7 +2,10 @@
 
 import os
 import re
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError, some_of
-from swath.documents.geojson import read_shapes
+from swath.documents.foreign import refuse_foreign
+from swath.documents.geojson import Shapes, pieces, read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import read_xml
 from swath.field.maps.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
-from swath.field_io.logs.coordinates import place
+from swath.field_io.logs.coordinates import BEYOND_DEG, place
 from swath.field_io.logs.shapefiles import are_records, read_rings
+from swath.field_io.roles import BARE, FIELD, LINE, UNKNOWN, role_of
+from swath.field_io.task_data.taskdata import listed
 
 Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
 SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no crop
 LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
-EMPTY_AREA = 100.0  # m2: less is no field
+EMPTY_AREA, LARGEST_AREA = 100.0, 1e8  # m2: less and more is no field
+FARTHEST_KM, DEGREE_KM = 100.0, 111.2  # from a field to what a farm has beside it; of a degree of latitude
+BESIDE_M = 5.0  # m: lines that go so far over the edge still lie in the field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
 MOST_CORNERS = 50_000  # of a polygon: one at 10 Hz around 100 ha has 20,000
 MOST_SHAPES, MOST_PAIRS = 20_000, 100_000  # polygons of a file, and pairs of them that overlap
@@ -31,7 +39,11 @@ USUAL_PAIRS, BLOCK = 8, 64  # boxes of sides that meet that of one in an honest 
 MOST_CROSSINGS = 1000  # of the sides of a polygon with each other
 PROBED = 1000  # records that say which field is meant
 WITHIN = 0.98  # share of a polygon that lies in another, from which on it is one within it
+ONE_FIELD = 0.5  # share of the ground of two outlines that both hold, from which on they are of one field
+DIFFERS = 0.02  # share of an area by which two readings of it may differ
 ISLANDS = 0.5  # share of a field that islands have at most; more are zones or inner lines of it
+URN = "urn:ogc:def:crs:epsg"
+KML_KINDS = {"Polygon": "Polygon", "LinearRing": "Polygon", "LineString": "LineString", "Point": "Point"}
 NAMES = ("name", "field", "fieldname", "field_name", "title", "schlag", "parcelle")  # of an area, in GeoJSON
 
 
@@ -41,12 +53,14 @@ class Outlines:
 
     names: of the areas, '' where the file has none
     notes: what within them was taken as what
+    lines: guidance lines, (n, 2) each
     """
 
     areas: tuple[Any, ...]
     names: tuple[str, ...]
     epsg: int
     notes: tuple[str, ...] = ()
+    lines: tuple[Array, ...] = ()
 
     def field(self, places: Array | None = None) -> tuple[Any, list[str]]:
         """One polygon, with its holes, and notes on it and on what is left out.
@@ -63,82 +77,245 @@ class Outlines:
             named = some_of((repr(self.names[i]) for i in others if self.names[i]), 5)
             count = "another area" if len(others) == 1 else f"{len(others)} other areas"
             own = f" {self.names[index]!r}" if self.names[index] else ""
-            notes.append(
-                f"the field{own} of {field.area / 1e4:.2f} ha is taken, {count} of {left_out / 1e4:.2f} ha "
-                f"{'is' if len(others) == 1 else 'are'} left out{f': {named}' if named else ''}"
-            )
+            is_out = f"{'is' if len(others) == 1 else 'are'} left out{f': {named}' if named else ''}"
+            taken = f"the field{own} of {field.area / 1e4:.2f} ha is taken"
+            notes.append(f"unused: {taken}, {count} of {left_out / 1e4:.2f} ha {is_out}")
         return field, notes
 
 
 @dataclass(frozen=True)
+class Piece:
+    """A part of a geometry, as its file has it. kind: Polygon, LineString or Point; rings: of an area its
+    outline and then its holes, (n, 2) each; said: of it; group: of those that belong together, a folder in
+    KML; is_even_odd: whether the rings may be outlines and holes in any order.
+    """
+
+    kind: str
+    rings: list[Array]
+    said: Mapping[str, Any] = field(default_factory=dict)
+    group: int = 0
+    is_even_odd: bool = False
+
+    @cached_property
+    def role(self) -> tuple[str, str]:
+        """Its role, and the word that makes it."""
+        return role_of(self.said)
+
+    @property
+    def label(self) -> str:
+        """It in a list of what is not used."""
+        thing = {"Polygon": "area", "LineString": "line", "Point": "point"}[self.kind]
+        return f"{self.role[1]} {thing}".strip()
+
+
+@dataclass(frozen=True)
 class Shape:
-    """A polygon of a file. name: that it has there; group: of those that belong together, a folder in KML."""
+    """An area [m]. name: that it has; group: as of a piece; role: of roles.py, and the word that makes it."""
 
     polygon: Any
     name: str = ""
     group: int = 0
+    role: str = ""
+    word: str = ""
 
 
-def read_outlines(path: Path, epsg: int | None = None) -> Outlines:
+def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -> Outlines:
     """The areas of crop in a boundary file: GeoJSON, KML, KMZ or a polygon shapefile, zipped too.
 
-    epsg: of the system that they are wanted in, None: the UTM zone of their middle. Polygons that overlap or
-    touch are one area; one within another is an island, whichever way round its points stand. Raises
-    InputError.
+    What an area says of itself comes first (roles.py). Others that overlap or touch are one area; one within
+    another is an island, whichever way round its points stand.
+    epsg: of the system that they are wanted in, None: the UTM zone of their middle
+    or_lines: whether a file of lines alone will do, which then has no areas
+    Raises InputError.
     """
+    refuse_foreign(path, "boundary", ("KML", "KMZ"))
     with readable("boundary", "GeoJSON, KML or a polygon shapefile", path):
         size = path.stat().st_size
         if size > LARGEST_BYTES:
             raise InputError("boundary", size, f"expected at most {LARGEST_BYTES} bytes", file=path)
         if path.suffix.lower() in (".kml", ".kmz"):
-            shapes, crs, notes = _from_kml(path)
+            found, crs, notes = _from_kml(path)
         elif is_archive(path) or os.path.isdir(path) or path.suffix.lower() == ".shp":
-            shapes, crs, notes = *_from_shapefile(path), []
+            found, crs, notes = _from_shapefile(path)
         else:
-            shapes, crs, notes = _from_geojson(path, epsg)
-        if not shapes:
+            found, crs, notes = _from_geojson(path)
+        unused = Counter(p.label for p in found if p.kind == "Point")
+        found, told = _of_numbers(_closed_lines([p for p in found if p.kind != "Point"]), unused)
+        areas = [p for p in found if p.kind == "Polygon"]
+        if not areas and not (or_lines and found):
             raise InputError("boundary", None, "expected a polygon", file=path)
-        if len(shapes) > MOST_SHAPES:
-            raise InputError("boundary", len(shapes), f"expected at most {MOST_SHAPES} polygons", file=path)
-        corners = max(int(_shapely().get_num_coordinates(s.polygon)) for s in shapes)
+        if len(areas) > MOST_SHAPES:
+            raise InputError("boundary", len(areas), f"expected at most {MOST_SHAPES} polygons", file=path)
+        corners = max(sum(map(len, p.rings)) for p in found)
         if corners > MOST_CORNERS:  # what looks for crossings takes time by their square
             raise InputError("boundary", corners, f"expected at most {MOST_CORNERS} corners", file=path)
-        moved, epsg, crossings = _moved(shapes, known_crs(crs or "EPSG:4326"), epsg, path)
-        return _arranged(moved, epsg, [*notes, *crossings], path)
+        lon_lat, more = _east_first(found, crs, epsg, path)
+        found, lon_lat, far = _together(found, lon_lat)
+        of_areas = [at for p, at in zip(found, lon_lat, strict=True) if p.kind == "Polygon"]
+        zone = epsg or utm_epsg(*np.median(np.concatenate(of_areas or lon_lat), axis=0))
+        metres = _split(transform(np.concatenate(lon_lat), "EPSG:4326", f"EPSG:{zone}"), lon_lat)
+        found = [replace(p, rings=_split(at, p.rings)) for p, at in zip(found, metres, strict=True)]
+        notes += [*told, *more, *far]
+        made = Outlines((), (), zone)
+        if areas:
+            made = arranged(_shapes(found, zone, notes), zone, path, unused)
+        lines = _guidance(made.areas, [p for p in found if p.kind == "LineString"], unused)
+        left = [f"unused: {listed(unused)}"] if unused.total() else []
+        return replace(made, lines=lines, notes=(*notes, *made.notes, *left))
 
 
-def _moved(
-    shapes: list[Shape], system: Any, epsg: int | None, path: Path
-) -> tuple[list[Shape], int, list[str]]:
-    """The shapes in metres of the system epsg, None: of the UTM zone that they lie in; crossings."""
+def _closed_lines(found: list[Piece]) -> list[Piece]:
+    """Areas first; lines that say field are some, and one that is closed where there is no area."""
+    lines = [p for p in found if p.kind == "LineString"]
+    closed = [p for p in lines if len(p.rings[0]) > 3 and (p.rings[0][0] == p.rings[0][-1]).all()]
+    is_alone = len(lines) == len(found) and len(closed) == 1 and not closed[0].role[0]
+    taken = [p for p in lines if p.role[0] == FIELD] + closed * is_alone
+    made = [replace(p, kind="Polygon") if any(p is t for t in taken) else p for p in found]
+    return sorted(made, key=lambda p: p.kind != "Polygon")
+
+
+def _of_numbers(found: list[Piece], unused: Counter[str]) -> tuple[list[Piece], list[str]]:
+    """Pieces without places that are no numbers, and without rings of too few places; notes."""
+    lost, kept = 0, []
+    for piece in found:
+        known = [ring[np.isfinite(ring).all(axis=1)] for ring in piece.rings]
+        lost += sum(map(len, piece.rings)) - sum(map(len, known))
+        least = 3 if piece.kind == "Polygon" else 2
+        rings = [ring for ring in known if len(np.unique(ring, axis=0)) >= least]
+        if rings and (piece.is_even_odd or rings[0] is known[0]):
+            kept.append(replace(piece, rings=rings))
+        else:
+            unused[f"{piece.label} of fewer than {least} places"] += 1
+    return kept, [f"damaged: {lost} places are no two numbers, they are left out"] if lost else []
+
+
+def _split(places: Array, like: list[Array]) -> list[Array]:
+    return np.split(places, np.cumsum([len(ring) for ring in like])[:-1])
+
+
+def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> tuple[list[Array], list[str]]:
+    """Places of each piece, lon/lat [deg], (n, 2), and notes on the order of their axes.
+
+    GeoJSON is east first in every system; a system that is named by its URN may have north first. Where only
+    the other order lies where its system is used, or in the zone of a log, it is taken.
+    epsg: of a system that they must lie in
+    """
+    system = known_crs(crs or "EPSG:4326")
+    areas = [ring for p in found if p.kind == "Polygon" for ring in p.rings]
+    middle = np.median(np.concatenate(areas or [ring for p in found for ring in p.rings]), axis=0)
+    turned = np.array([middle, middle[::-1]])
+    both = transform(turned, system, "EPSG:4326")
+    can_be = next(
+        (fits for margin in (0.0, BEYOND_DEG) if any(fits := _fits(turned, both, system, margin))), []
+    )
+    near = [fits and epsg in (None, utm_epsg(*at)) for fits, at in zip(can_be, both, strict=bool(can_be))]
+    straight, swapped = near if any(near) else can_be or (False, False)
+    if not straight and not swapped:
+        expected = f"expected places in {system.name}" + ", or the name of their system as `crs` or .prj" * (
+            not crs
+        )
+        raise InputError("place", ", ".join(f"{c:.7g}" for c in middle), expected, file=path)
+    raw = [np.concatenate(p.rings) for p in found]
+    where, notes = [place(at[None]) for at in both], []
+    if straight and swapped and crs.lower().startswith(URN) and system.axis_info[0].direction == "north":
+        notes = [
+            f"place: {crs} has north first, GeoJSON east first; taken as {where[0]}; the other way round it "
+            f"lies at {where[1]}: then swap its numbers"
+        ]
+    elif not straight:
+        raw = [places[:, ::-1] for places in raw]
+        notes = [f"reference: north first in {crs or 'degrees'}: taken as {where[1]}, as nothing else fits"]
+    return _split(transform(np.concatenate(raw), system, "EPSG:4326"), raw), notes
+
+
+def _fits(numbers: Array, lon_lat: Array, system: Any, margin: float) -> list[bool]:
+    """Whether places lie where their system is used, or as far beside it [deg]."""
+    west, south, east, north = (
+        system.area_of_use.bounds if system.area_of_use else (-180.0, -90.0, 180.0, 90.0)
+    )
+    is_angle = (np.abs(numbers) <= (360.0, 90.0)).all(axis=1) | (not system.is_geographic)
+    lon, lat = np.where(np.isfinite(lon_lat), lon_lat, np.nan).T
+    is_across = (lon - west + margin) % 360.0 <= ((east - west) % 360.0 or 360.0) + 2.0 * margin
+    return [bool(fit) for fit in is_angle & is_across & (lat >= south - margin) & (lat <= north + margin)]
+
+
+def _together(found: list[Piece], raw: list[Array]) -> tuple[list[Piece], list[Array], list[str]]:
+    """Without what is farther from the largest area than a farm reaches. raw: places of each [deg]."""
+    middles = np.array([np.median(places, axis=0) for places in raw])
+    sizes = [
+        (p.kind == "Polygon" and p.role[0] in (FIELD, "")) * np.ptp(places, axis=0).prod()
+        for p, places in zip(found, raw, strict=True)
+    ]
+    off = middles - middles[int(np.argmax(sizes))]
+    away = np.hypot(off[:, 0] * np.cos(np.radians(middles[:, 1])), off[:, 1]) * DEGREE_KM
+    kept = [i for i in range(len(found)) if away[i] <= FARTHEST_KM]
+    left = [i for i in range(len(found)) if away[i] > FARTHEST_KM]
+    names = listed(Counter(found[i].label for i in left))
+    said = f"place: left out, as it lies up to {away.max():.0f} km from the field: {names}"
+    return [found[i] for i in kept], [raw[i] for i in kept], [said] if left else []
+
+
+def _shapes(found: list[Piece], epsg: int, notes: list[str]) -> list[Shape]:
+    """The areas among pieces [m], valid."""
+    shapely, shapes, crossed, outside, apart = _shapely(), list[Shape](), list[str](), 0, 0.0
+    for piece in found:
+        if piece.kind != "Polygon":
+            continue
+        drawn = [shapely.Polygon(ring) for ring in piece.rings]
+        for ring in drawn:
+            spot = str(shapely.is_valid_reason(ring)).partition("Self-intersection[")[2]
+            crossed += [", ".join(f"{float(c):.0f}" for c in spot[:-1].split())] if spot else []
+        rings = [_surfaces(ring) for ring in drawn]
+        apart = max([apart, *map(_apart, drawn, rings)])
+        if piece.is_even_odd:
+            polygon = _surfaces(shapely.MultiPolygon(drawn))
+        else:
+            outside += sum(rings[0].intersection(h).area < 0.5 * h.area for h in rings[1:])
+            polygon = rings[0].difference(shapely.union_all(rings[1:]))
+        role, word = piece.role
+        named = (str(v).strip() for k, v in piece.said.items() if k.lower() in NAMES and v)
+        shapes.append(Shape(polygon, next(named, "")[:60], piece.group, role, word))
+    if crossed:
+        places, key = some_of(crossed, 3, "; "), "outline" if apart > DIFFERS else "shape"
+        notes.append(f"{key}: an outline crosses itself at {places} (EPSG:{epsg})")
+    if outside:
+        notes.append(f"outline: holes outside of their outline, {outside} in number, leave nothing out")
+    return shapes
+
+
+def _apart(ring: Any, mended: Any) -> float:
+    """By what share the area that a ring encloses differs with how its crossings are read."""
     shapely = _shapely()
-    polygons = [s.polygon for s in shapes]
-    if epsg is None:
-        middle = np.median(shapely.get_coordinates(polygons), axis=0)
-        middle = transform(middle[None], system, "EPSG:4326")[0]
-        if not np.isfinite(middle).all():
-            raise InputError("boundary", None, f"expected places in {system.name}", file=path)
-        epsg = utm_epsg(*middle)
-    moved = shapely.transform(polygons, lambda p: transform(p[:, :2], system, f"EPSG:{epsg}"))
-    if not np.isfinite(shapely.get_coordinates(moved)).all():
-        expected = "expected lon/lat in degrees (GeoJSON in EPSG:4326), or a shapefile with its .prj"
-        raise InputError("boundary", None, expected, file=path)
-    said = [str(shapely.is_valid_reason(p)) for p in moved]
-    crossed = [text.partition("[")[2][:-1].split() for text in said if text.startswith("Self-intersection")]
-    places = some_of((f"{float(x):.0f}, {float(y):.0f}" for x, y in crossed), 3, "; ")
-    notes = [f"an outline crosses itself at {places} (EPSG:{epsg})"] if crossed else []
-    return [replace(s, polygon=_surfaces(p)) for s, p in zip(shapes, moved, strict=True)], epsg, notes
+    if ring.is_valid or not mended.area:
+        return 0.0
+    within = shapely.union_all(shapely.get_parts(shapely.polygonize([shapely.union_all([ring.exterior])])))
+    largest_part = max(part.area for part in _parts(mended))
+    return float(max(1.0 - largest_part / mended.area, within.area / mended.area - 1.0))
 
 
-def _arranged(shapes: list[Shape], epsg: int, notes: list[str], path: Path) -> Outlines:
-    """Islands out, what touches together."""
-    shapely = _shapely()
-    too_small = InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
+def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -> Outlines:
+    """What says that it is a field, or says nothing, is one: islands out, what touches together, what bears
+    no crop out. unused: what has no part, counted.
+    """
+    shapely, notes = _shapely(), list[str]()
+    too_small = InputError("plausible", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
     shapes = sorted((s for s in shapes if s.polygon.area > 0.0), key=lambda s: -s.polygon.area)
     if not shapes:
         raise too_small
-    beside = [s for s in shapes if s.group != shapes[0].group]
-    land, islands, others = _nested([s for s in shapes if s.group == shapes[0].group])
+    is_said = any(s.role == FIELD for s in shapes)
+    open_to = (FIELD, "") if is_said else ("", UNKNOWN)
+    fields = [s for s in shapes if s.role in open_to]
+    unused.update(f"{s.word} area" for s in shapes if s.role not in (*open_to, BARE))
+    if not fields:
+        words = some_of(dict.fromkeys(s.word for s in shapes), 5)
+        raise InputError(
+            "unused", words, "expected an area that is a field by what it says, or says nothing", file=path
+        )
+    beside = [s for s in fields if s.group != fields[0].group]
+    land, islands, others = _nested([s for s in fields if s.group == fields[0].group], notes, path)
+    if is_said:
+        unused["area beside the field that says nothing"] += sum(not s.role for s in land)
+        land = [s for s in land if s.role]
     whole = shapely.union_all([s.polygon for s in land])
     if islands:
         ground = shapely.union_all([s.polygon for s in islands]).intersection(whole).area
@@ -146,53 +323,113 @@ def _arranged(shapes: list[Shape], epsg: int, notes: list[str], path: Path) -> O
             whole = whole.difference(shapely.union_all([s.polygon for s in islands]))
             whole = shapely.union_all([whole, *(s.polygon for s in others)])
             many = "an area" if len(islands) == 1 else f"{len(islands)} areas"
-            said = f"{many} of {ground / 1e4:.2f} ha within the field"
+            said = f"shape: {many} of {ground / 1e4:.2f} ha within the field"
             notes.append(f"{said} {'is an island' if len(islands) == 1 else 'are islands'} without crop")
         else:
-            said = f"{len(islands)} outlines of {ground / 1e4:.2f} ha within another are not used"
+            key = "sources" if ground < (1.0 - DIFFERS) * whole.area else "shape"
+            said = f"{key}: {len(islands)} outlines of {ground / 1e4:.2f} ha within another are not used"
             notes.append(f"{said}: too large to be islands")
     if beside:
         within = shapely.union_all([s.polygon for s in beside]).intersection(whole).area
         if within >= LEAST_TOLD:
-            notes.append(f"polygons of another folder within the field, {within / 1e4:.2f} ha, are not used")
+            notes.append(f"unused: polygons of another folder within the field, {within / 1e4:.2f} ha")
+    whole = _without_bare(whole, [s for s in shapes if s.role == BARE], unused, notes)
     areas = [p for p in _parts(whole) if p.area > EMPTY_AREA]
     if not areas:
         raise too_small
     areas.sort(key=lambda p: -p.area)
+    if areas[0].area > LARGEST_AREA:
+        expected = f"expected a field of at most {LARGEST_AREA / 1e4:.0f} ha"
+        raise InputError("plausible", f"{areas[0].area / 1e4:.0f} ha", expected, file=path)
     names, tree = [], shapely.STRtree([s.polygon.representative_point() for s in land])
     for area in areas:
         own = [land[i] for i in sorted(tree.query(area.buffer(0.5), predicate="contains").tolist())]
         names.append(own[0].name if len(own) == 1 else "")
         if len(own) > 1:
             sizes = some_of((f"{s.polygon.area / 1e4:.2f}" for s in own), 5, " + ")
-            notes.append(f"{len(own)} polygons that touch are one field ({sizes} ha)")
+            notes.append(f"shape: {len(own)} polygons that touch are one field ({sizes} ha)")
     outside = [s for s in beside if not s.polygon.intersects(whole)]
     areas += [s.polygon for s in outside]
     names += [s.name for s in outside]
     return Outlines(tuple(areas), tuple(names), epsg, tuple(notes))
 
 
-def _nested(shapes: list[Shape]) -> tuple[list[Shape], list[Shape], list[Shape]]:
-    """Shapes that lie in no other, those within one (islands), and land within islands; largest first."""
+def _without_bare(whole: Any, bare: list[Shape], unused: Counter[str], notes: list[str]) -> Any:
+    """Land without what says that no crop stands there; what lies beside it is counted."""
+    shapely = _shapely()
+    shapely.prepare(whole)
+    shared = [whole.intersection(s.polygon) if whole.intersects(s.polygon) else None for s in bare]
+    inside: dict[str, list[Any]] = {}
+    for shape, part in zip(bare, shared, strict=True):
+        if part is not None and part.area > LEAST_TOLD:
+            inside.setdefault(shape.word, []).append(part)
+        else:
+            unused[f"{shape.word} area outside of the field"] += 1
+    if inside:
+        sizes = (f"{word} {shapely.union_all(parts).area / 1e4:.2f} ha" for word, parts in inside.items())
+        notes.append(f"shape: no crop in it: {', '.join(sizes)}")
+    return whole.difference(shapely.union_all([part for parts in inside.values() for part in parts]))
+
+
+def _guidance(areas: Sequence[Any], lines: list[Piece], unused: Counter[str]) -> tuple[Array, ...]:
+    """Lines that say that they are guidance, or say nothing and lie in the field."""
+    shapely, taken = _shapely(), list[Array]()
+    ground = shapely.union_all(list(areas)).buffer(BESIDE_M)
+    for piece in lines:
+        line = shapely.LineString(piece.rings[0])
+        is_within = not areas or line.intersection(ground).length >= 0.5 * line.length
+        if piece.role[0] == LINE or (not piece.role[0] and is_within):
+            taken.append(piece.rings[0])
+        else:
+            unused[piece.label if piece.role[0] else "line outside of the field"] += 1
+    return tuple(taken)
+
+
+def _nested(
+    shapes: list[Shape], notes: list[str], path: Path
+) -> tuple[list[Shape], list[Shape], list[Shape]]:
+    """Shapes that lie in no other, those within one (islands), and land within islands; largest first.
+
+    InputError where two outlines are of one field, differ, and nothing says which counts.
+    """
     shapely = _shapely()
     tree = shapely.STRtree([s.polygon for s in shapes])
     depths: list[int] = []
-    pairs_left = MOST_PAIRS
+    pairs_left, copies = MOST_PAIRS, 0
     for i, shape in enumerate(shapes):
         depth = 0
         for j in sorted(tree.query(shape.polygon).tolist()):
-            if j >= i:
-                break
+            if j >= i or depths[j] < 0:
+                continue
             pairs_left -= 1
             if pairs_left < 0:
                 raise ValueError(f"more than {MOST_PAIRS} pairs of polygons that overlap")
             shared = shapes[j].polygon.intersection(shape.polygon).area
-            if shared > WITHIN * shape.polygon.area:
-                if shape.polygon.area > WITHIN * shapes[j].polygon.area:
-                    depth = -1  # the same once more
-                    break
-                depth = max(depth, depths[j] + 1)
+            larger, own = shapes[j].polygon.area, shape.polygon.area
+            sizes = f"{larger / 1e4:.2f} and {own / 1e4:.2f} ha"
+            is_same = shared > ONE_FIELD * (larger + own - shared)
+            if shared > WITHIN * own and own > WITHIN * larger:
+                copies, depth = copies + 1, -1
+            elif is_same and shape.role != shapes[j].role:  # the one that says field, whichever is larger
+                depth, depths[j] = (-1, depths[j]) if shapes[j].role == FIELD else (depth, -1)
+                notes.append(f"sources: two outlines of one field, {sizes}: the one that says so counts")
+            elif shared > WITHIN * own:
+                if shape.role == FIELD:
+                    notes.append(
+                        f"sources: {own / 1e4:.2f} ha within a field say that they are a field: crop there"
+                    )
+                depth = -1 if shape.role == FIELD else max(depth, depths[j] + 1)
+            elif is_same:
+                if own < (1.0 - DIFFERS) * larger:
+                    expected = "expected one outline of the field, or what each is (kind: field, island)"
+                    raise InputError("sources", sizes, expected, file=path)
+                notes.append(f"sources: two outlines of one field, {sizes}: the larger counts")
+                depth = -1
+            if depth < 0:
+                break
         depths.append(depth)
+    if copies:
+        notes.append(f"copies: {copies} of {len(shapes)} areas are there once more, alike: each counts once")
     pairs = list(zip(shapes, depths, strict=True))
     land, within = [s for s, d in pairs if d == 0], [s for s, d in pairs if d > 0 and d % 2 == 0]
     return land, [s for s, d in pairs if d > 0 and d % 2 == 1], within
@@ -302,65 +539,35 @@ def inside(polygon: Any, points: Array) -> NDArray[np.bool_]:
     return np.asarray(shapely.contains_xy(polygon, points[:, 0], points[:, 1]))
 
 
-def _from_geojson(path: Path, epsg: int | None) -> tuple[list[Shape], str, list[str]]:
-    found, name = read_shapes(path, "boundary", "GeoJSON or a polygon shapefile")
-    shapes, attributes = [], dict[str, None]()
-    for geometry, found_notes in found:
-        attributes |= dict.fromkeys(map(str, found_notes))
-        called = next((str(v) for k, v in found_notes.items() if k.lower() in NAMES and v), "")
-        shapes += [Shape(p, called[:60]) for p in _parts(_shapely().geometry.shape(geometry))]
-    if are_records(len(shapes), list(attributes), path):
-        expected = "expected an outline, each has a yield: records of a log, which a .csv or .shp holds"
-        raise InputError("boundary", f"{len(shapes)} polygons", expected, file=path)
-    whole = [s for s in shapes if not s.polygon.is_empty]
-    whole, notes = _ordered(whole, name, epsg)
-    return whole, name, notes
+def _from_geojson(path: Path) -> tuple[list[Piece], str, list[str]]:
+    shapes, name = read_shapes(path, "boundary", "GeoJSON or a polygon shapefile")
+    found = [Piece(kind, rings, said) for shape, said in shapes for kind, rings in pieces(shape)]
+    if is_log(shapes, path):
+        expected = "expected an outline, each has a yield: records of a log"
+        raise InputError("boundary", f"{len(shapes)} records", expected, file=path)
+    empty = sum(next(pieces(shape), None) is None for shape, _ in shapes)
+    return found, name, [f"unused: {empty} features without a geometry"] if empty else []
 
 
-def _ordered(shapes: list[Shape], name: str, epsg: int | None) -> tuple[list[Shape], list[str]]:
-    """Shapes with their places east first, and a note where that is in doubt.
-
-    GeoJSON is east first in every system; a system that is named by its URN may have north first.
-    epsg: of a system that they must lie in
-    """
-    if not (shapes and name.lower().startswith("urn:ogc:def:crs:epsg")):
-        return shapes, []
-    system = known_crs(name)
-    if system.axis_info[0].direction != "north":
-        return shapes, []
-    shapely, area = _shapely(), system.area_of_use
-    middle = np.median(shapely.get_coordinates([s.polygon for s in shapes]), axis=0)
-    lon, lat = transform(np.array([middle, middle[::-1]]), system, "EPSG:4326").T
-    west, south, east, north = area.bounds if area else (-180.0, -90.0, 180.0, 90.0)
-    both = list(zip(lon, lat, strict=True))
-    can_be = [bool(west <= a <= east and south <= b <= north) for a, b in both]
-    is_near = [can and epsg in (None, utm_epsg(*at)) for can, at in zip(can_be, both, strict=True)]
-    straight, swapped = is_near if any(is_near) else can_be
-    if not swapped:
-        return shapes, []
-    where = [place(np.array([at])) for at in both]
-    said = f"order of axes: {name} has north first, GeoJSON east first; taken as"
-    if straight:
-        return shapes, [
-            f"{said} {where[0]}; the other way round it lies at {where[1]}: then swap its numbers"
-        ]
-    flipped = [replace(s, polygon=shapely.transform(s.polygon, lambda c: c[:, ::-1])) for s in shapes]
-    return flipped, [f"{said} {where[1]}, as nothing else fits"]
+def is_log(shapes: Shapes, path: Path) -> bool:
+    """Whether features of GeoJSON are records of a harvest."""
+    kinds = Counter(str(shape["type"]) for shape, _ in shapes)
+    names = list(dict.fromkeys(str(name) for _, said in shapes for name in said))
+    return are_records(kinds["Point"] or kinds["Polygon"] + kinds["MultiPolygon"], names, path)
 
 
-def _from_shapefile(path: Path) -> tuple[list[Shape], str]:
+def _from_shapefile(path: Path) -> tuple[list[Piece], str, list[str]]:
     """Rings of a shape by even and odd: some programs write them the wrong way round."""
-    shapely = _shapely()
     found, crs = read_rings(path, "boundary")
-    shapes = []
-    for rings in found:
-        polygons = [shapely.Polygon(ring) for ring in rings if len(ring) >= 4]
-        shapes += [Shape(p) for p in _parts(valid(shapely.MultiPolygon(polygons)))]
-    return shapes, crs
+    made = [
+        Piece("Polygon", [np.asarray(ring, float) for ring in rings], said, is_even_odd=True)
+        for rings, said in found
+    ]
+    return made, crs, [] if crs else ["reference: no .prj: places taken as WGS 84"]
 
 
-def _from_kml(path: Path) -> tuple[list[Shape], str, list[str]]:
-    """Polygons of a KML file, or of the first in a KMZ; lon/lat by its standard (OGC 12-007r2)."""
+def _from_kml(path: Path) -> tuple[list[Piece], str, list[str]]:
+    """Pieces of a KML file, or of the first in a KMZ; lon/lat by its standard (OGC 12-007r2)."""
     notes = []
     if is_archive(path):
         with open_archive(path, "boundary") as archive:
@@ -371,44 +578,54 @@ def _from_kml(path: Path) -> tuple[list[Shape], str, list[str]]:
                 raise InputError("boundary", None, f"expected KML of at most {LARGEST_KML} bytes", file=path)
             data = archive.read(names[0])
         if len(names) > 1:
-            notes.append(f"of {len(names)} .kml in {path.name} the first is read, {names[0]}")
+            notes.append(f"unused: of {len(names)} .kml in {path.name} all but the first, {names[0]}")
     else:
         data = read_bytes(path, "boundary", "KML", LARGEST_KML)
-    shapes: list[Shape] = []
-    pending = [(read_xml(data), "", 0)]
+    found: list[Piece] = []
+    pending: list[tuple[Any, dict[str, str], int]] = [(read_xml(data), {}, 0)]
     folders = 0
     while pending:
-        node, name, group = pending.pop()
-        tag = node.tag.rpartition(":")[2]
+        node, said, group = pending.pop()
+        tag = _tag(node)
         if tag in ("Folder", "Document"):
             folders += 1
-            group = folders
-        if tag == "Placemark":
-            name = next((c.text or "" for c in node if c.tag.rpartition(":")[2] == "name"), "").strip()[:60]
-        if tag in ("Polygon", "LinearRing"):
-            rings: dict[str, list[Any]] = {"innerBoundaryIs": [], "outerBoundaryIs": []}
+            group, said = folders, {"folder": _text_of(node, "name")}
+        elif tag == "Placemark":
+            said = {**said, "name": _text_of(node, "name"), **_data_of(node)}
+        elif tag in KML_KINDS:
+            rings: dict[str, list[Array]] = {"innerBoundaryIs": [], "outerBoundaryIs": []}
             around = "outerBoundaryIs"
             for part in node.iter():
-                kind = part.tag.rpartition(":")[2]
-                around = kind if kind in rings else around
-                if kind == "coordinates":
-                    rings[around].append(_ring(part.text or ""))
-            outer, inner = rings["outerBoundaryIs"], rings["innerBoundaryIs"]
-            if outer and len(outer[0]) >= 4:
-                holes = [r for r in inner if len(r) >= 4]
-                shapes.append(Shape(_shapely().Polygon(outer[0], holes), name, group))
+                around = _tag(part) if _tag(part) in rings else around
+                if _tag(part) == "coordinates":
+                    rings[around].append(_line(part.text or ""))
+            if outer := rings["outerBoundaryIs"]:
+                found.append(Piece(KML_KINDS[tag], [outer[0], *rings["innerBoundaryIs"]], said, group))
             continue
-        pending += [(child, name, group) for child in reversed(node)]
-    return shapes, "", notes
+        pending += [(child, said, group) for child in reversed(node)]
+    return found, "", notes
 
 
-def _ring(text: str) -> list[list[float]]:
-    """Closed lon/lat of `lon,lat[,height] ...`, blanks around the commas or not."""
+def _tag(node: Any) -> str:
+    return str(node.tag).rpartition(":")[2]
+
+
+def _text_of(node: Any, tag: str) -> str:
+    return next((str(c.text or "").strip() for c in node if _tag(c) == tag), "")
+
+
+def _data_of(placemark: Any) -> dict[str, str]:
+    """What a placemark says of itself beside its name."""
+    inner = [node for node in placemark.iter() if _tag(node) in ("Data", "SimpleData")]
+    return {str(n.get("name")): _text_of(n, "value") or str(n.text or "").strip() for n in inner}
+
+
+def _line(text: str) -> Array:
+    """Lon/lat of `lon,lat[,height] ...`, blanks around the commas or not, (n, 2)."""
     places = [place.split(",") for place in re.sub(r"\s*,\s*", ",", text.strip()).split()]
     if any(len(place) not in (2, 3) for place in places):
         raise ValueError("a place is not longitude,latitude or longitude,latitude,height")
-    ring = [[float(c) for c in place[:2]] for place in places]
-    return ring if ring[:1] == ring[-1:] else [*ring, ring[0]]
+    return np.array([[float(c) for c in place[:2]] for place in places]).reshape(-1, 2)
 
 
 def largest(shape: Any, path: Path | None = None) -> Any:

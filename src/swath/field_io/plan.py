@@ -4,7 +4,6 @@ import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, some_of
+from swath.documents.geojson import read_shapes
 from swath.field.crop import Crop
 from swath.field.maps.projection import Origin, transform, utm_epsg
 from swath.field.maps.raster import Raster
@@ -23,6 +23,7 @@ from swath.field_io.logs.coordinates import place
 from swath.field_io.logs.shapefiles import is_of_polygons
 from swath.field_io.outline import valid
 from swath.field_io.passes import Track, row_azimuth, straight_windows
+from swath.field_io.roles import BARE, FIELD
 from swath.field_io.task_data.taskdata import (
     PATTERNS,
     PIVOT,
@@ -39,7 +40,8 @@ from swath.field_io.task_data.taskdata import (
 from swath.field_io.task_data.taskfiles import task_files
 
 Array = NDArray[np.float64]
-OUTLINES = ".kml", ".kmz", ".geojson", ".json"
+JSON = ".geojson", ".json"
+OUTLINES = ".kml", ".kmz", *JSON
 SPEED = 2.0  # m/s, of a guidance line that nobody has driven yet
 BEYOND = 5000.0  # m: a straight line is drawn on by so much to both sides, then cut at the field
 
@@ -54,15 +56,16 @@ def read_plan(path: Path) -> Description:
     return described
 
 
-def largest_part(described: Description) -> tuple[str, Any, int, list[str]]:
+def largest_part(described: Description, path: Path) -> tuple[str, Any, int, list[str]]:
     """Id of the largest field, its polygon without ground that bears no crop in UTM [m], the system, and what
     of it is left out.
     """
     parts = described.parts
     key = max(parts, key=lambda k: parts[k].rough_area)
-    part, (polygon, epsg, notes) = parts[key], _polygon(parts[key])
+    part, (polygon, epsg, notes) = parts[key], _polygon(parts[key], path)
     if len(parts) > 1:
-        notes = [f"{len(parts)} fields in it: the largest is taken, {part.name or 'without a name'}", *notes]
+        taken = f"the largest is taken, {part.name or 'without a name'}"
+        notes = [f"unused: all but one of {len(parts)} fields in it: {taken}", *notes]
     return key, polygon, epsg, notes
 
 
@@ -112,7 +115,7 @@ def plan_field(
         tracks += found
         missed += not found
     if missed:
-        notes.append(f"not used: {listed({'guidance pattern': missed})} outside the field")
+        notes.append(f"unused: {listed({'guidance pattern': missed})} outside the field")
     stems = facts.stand.density
     grid = make_grid(polygon.bounds, cell, 0.0, epsg)
     x, y = np.meshgrid(*grid.centres())
@@ -128,7 +131,7 @@ def plan_field(
     exterior, holes = outline.rings(polygon)
     azimuth = row_azimuth(tuple(tracks)) if any(t.straights for t in tracks) else outline.long_axis(polygon)
     about = {
-        "source": {"file": path.name, "profile": notes[0].partition(":")[0], "field": part.name},
+        "source": {"file": path.name, "profile": notes[0].split(": ")[1], "field": part.name},
         "machines": [{"name": "as given", "header_width_m": used}],
         "field": {
             "place": place(origin.to_lon_lat([[0.0, 0.0]])),
@@ -147,8 +150,10 @@ def plan_field(
 
 
 def is_outline(path: Path) -> bool:
-    """True for a file of polygons: by its name, or a shapefile of such."""
-    return (os.path.isfile(path) and path.suffix.lower() in OUTLINES) or is_of_polygons(path)
+    """True for a file of outlines: by its name and no records, or a shapefile of polygons."""
+    if os.path.isfile(path) and path.suffix.lower() in OUTLINES:
+        return path.suffix.lower() not in JSON or not outline.is_log(read_shapes(path, "boundary")[0], path)
+    return is_of_polygons(path)
 
 
 def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[str]]:
@@ -159,38 +164,39 @@ def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[
     if is_outline(path):
         found = outline.read_outlines(path)
         polygon, found_notes = found.field()
+        lines = [f"unused: {len(found.lines)} guidance lines"] if found.lines else []
         return (
             Part("", ""),
             polygon,
             found.epsg,
             0.0,
-            ["an outline alone: the crop stands evenly", *found_notes],
+            ["form: an outline alone: the crop stands evenly", *found_notes, *lines],
         )
     if is_agopengps(path):
         field = read_agopengps(path)
         part = field.part(path.name)
-        polygon, epsg, left_out = _polygon(part)
+        polygon, epsg, left_out = _polygon(part, path)
         return (
             part,
             polygon,
             epsg,
             0.0,
-            ["a field of AgOpenGPS: the crop stands evenly", *left_out, *field.notes],
+            ["form: a field of AgOpenGPS: the crop stands evenly", *left_out, *field.notes],
         )
     described = read_plan(path)
-    key, polygon, epsg, left_out = largest_part(described)
-    notes = ["ISO 11783-10 task data without a yield: the crop stands evenly", *left_out]
+    key, polygon, epsg, left_out = largest_part(described, path)
+    notes = ["form: ISO 11783-10 task data without a yield: the crop stands evenly", *left_out]
     stated, what = (0.0, "") if width else _width(described, key, path)
-    notes += [f"header width: {stated:g} m, {what}"] if stated else []
+    notes += [f"derived: header width {stated:g} m, {what}"] if stated else []
     part = replace(described.parts[key], crop=described.crop_of(key))
     for pattern in part.guidance:
         if pattern.kind in (PIVOT, SPIRAL):
             shape = (
                 f"its circle of {pivot_radius(pattern):.1f} m" if pattern.kind == PIVOT else "its own line"
             )
-            notes.append(f"guidance: of a {PATTERNS[pattern.kind]} {shape}, none beside it")
+            notes.append(f"shape: guidance of a {PATTERNS[pattern.kind]} {shape}, none beside it")
     unused = part.unused + described.unused
-    notes += [f"task data, not used: {listed(unused)}"] if unused.total() else []
+    notes += [f"unused: {listed(unused)}"] if unused.total() else []
     return part, polygon, epsg, stated, [*notes, *described.problems]
 
 
@@ -205,13 +211,13 @@ def _width(described: Description, part: str, path: Path) -> tuple[float, str]:
     return found[0] if found else (0.0, "")
 
 
-def _polygon(part: Part) -> tuple[Any, int, list[str]]:
+def _polygon(part: Part, path: Path) -> tuple[Any, int, list[str]]:
     """The field in UTM metres without its holes and what bears no crop, the system, and what is left out."""
     import shapely
 
     epsg = utm_epsg(*np.median(part.boundary[0].exteriors[0], axis=0))
 
-    def shapes(polygons: Sequence[Polygon]) -> list[Any]:
+    def shapes(polygons: Sequence[Polygon], role: str) -> list[outline.Shape]:
         rings = [ring for p in polygons for ring in (*p.exteriors, *p.interiors)]
         ends = np.cumsum([len(ring) for ring in rings])[:-1]
         places = iter(np.split(in_metres(np.concatenate(rings), epsg), ends) if rings else [])
@@ -219,27 +225,15 @@ def _polygon(part: Part) -> tuple[Any, int, list[str]]:
         for p in polygons:
             sides = [[shapely.Polygon(next(places)) for _ in side] for side in (p.exteriors, p.interiors)]
             outer, inner = (shapely.union_all([valid(p) for p in side]) for side in sides)
-            made.append(outer.difference(inner))
+            made.append(outline.Shape(outer.difference(inner), role=role, word=p.name))
         return made
 
-    whole = shapely.union_all(shapes(part.boundary))
-    notes = [] if "field" in part.polygons else ["boundary: of main field and headland, the field has none"]
-    others = part.polygons.get("bare", [])
-    named = list(zip([p.name for p in others], shapes(others), strict=True))
-    shapely.prepare(whole)
-    is_in = [whole.intersects(shape) and whole.intersection(shape).area > 1.0 for _, shape in named]
-    inside = list(compress(named, is_in))
-    beside = Counter(name for (name, _), within in zip(named, is_in, strict=True) if not within)
-    bare = {name: shapely.union_all([s for n, s in inside if n == name]) for name in dict(inside)}
-    sizes = {name: whole.intersection(shape).area / 1e4 for name, shape in bare.items()}
-    if sizes:
-        notes.append(f"no crop in it: {', '.join(f'{name} {size:.2f} ha' for name, size in sizes.items())}")
-    notes += [f"beside it, not used: {listed(beside)}"] if beside else []
-    left = whole.difference(shapely.union_all(list(bare.values())))
-    polygon = outline.largest(left)
-    if left.area - polygon.area > outline.EMPTY_AREA:
-        notes.append(f"field in several parts: {(left.area - polygon.area) / 1e4:.2f} ha left out")
-    return polygon, epsg, notes
+    notes = [] if "field" in part.polygons else ["shape: main field and headland, the field has no boundary"]
+    unused = Counter[str]()
+    every = [*shapes(part.boundary, FIELD), *shapes(part.polygons.get("bare", []), BARE)]
+    polygon, told = outline.arranged(every, epsg, path, unused).field()
+    beside = [f"unused: {listed(unused)}"] if unused.total() else []
+    return polygon, epsg, [*notes, *told, *beside]
 
 
 def in_metres(ring: Array, epsg: int) -> Array:

@@ -24,14 +24,12 @@ from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet, sheet_names
-from swath.documents.geojson import lines_of, read_shapes
 from swath.documents.validation import checked, near_miss
 from swath.documents.yaml_document import Document, read_mapping
 from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME
 
 FORMAT = "swath fleet 1"
-AREAS = ("Polygon", "MultiPolygon", "GeometryCollection")
 SQUARE = 10.0  # m, side of those in which the yield of a log is averaged, about a header wide
 SHORT = 1.0  # m between the ends of a line, below which it has no direction
 Metre = Annotated[float, Ge(-1e7), Le(1e7)]
@@ -383,7 +381,10 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     path = Path(name) if base is None else base / name
     read = read_log_field(path) if field.file is None else read_field(path, _header(job, base))
     corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
-    notes = [*read.notes, f"origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}"]
+    notes = [
+        *read.notes,
+        f"reference: origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}",
+    ]
 
     def ring(points: Any) -> Ring:
         return [(x - corner[0], y - corner[1]) for x, y, *_ in list(points.coords)[:-1]]
@@ -393,7 +394,7 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     field = replace(field, boundary_m=first, parts_m=others, holes_m=holes)
     if math.isfinite(read.grain) and not has_yield:
         field = replace(field, yield_t_ha=10.0 * read.grain)
-        notes.append(f"yield: {field.yield_t_ha:.2f} t/ha, the mean of the log")
+        notes.append(f"derived: yield {field.yield_t_ha:.2f} t/ha, the mean of the log")
     plan = job.plan
     if plan.direction_deg is None and math.isfinite(read.direction):
         plan = replace(plan, direction_deg=math.degrees(math.remainder(read.direction, math.pi)))
@@ -430,65 +431,54 @@ def read_field(path: Path, header: float) -> FileField:
         raise InputError("field.file", str(path), "expected a file that is there")
     if path.suffix.lower() not in (".geojson", ".json", ".kml", ".kmz") and is_taskdata(path):
         return _of_taskdata(path)
-    is_json = path.suffix.lower() in (".geojson", ".json")
-    shapes = read_shapes(path, "field.file")[0] if is_json else []
-    lines = lines_of(shapes, path, "field.file")
-    if lines and not any(shape["type"] in AREAS for shape, _ in shapes):
-        return _along(_under(lines, header), lines, "lines")
-    outlines = read_outlines(path)
-    return _along(FileField(outlines.areas, outlines.epsg, notes=outlines.notes), lines, "lines")
+    found = read_outlines(path, or_lines=True)
+    made = FileField(found.areas, found.epsg, notes=found.notes)
+    return _along(made if made.areas else _under(made, found.lines, header), found.lines, "lines")
 
 
 def _of_taskdata(path: Path) -> FileField:
-    from swath.field_io.plan import largest_part, read_plan
+    from swath.field_io.plan import in_metres, largest_part, read_plan
     from swath.field_io.task_data.taskdata import drawn, listed
 
     described = read_plan(path)
     if not described.parts:
         raise InputError("field.file", str(path), "expected a field with a boundary", file=path)
-    key, polygon, epsg, notes = largest_part(described)
+    key, polygon, epsg, notes = largest_part(described, path)
     unused = described.parts[key].unused + described.unused
-    notes += [f"task data, not used: {listed(unused)}"] if unused.total() else []
+    notes += [f"unused: {listed(unused)}"] if unused.total() else []
     made = FileField((polygon,), epsg, notes=(*notes, *described.problems))
-    return _along(made, [drawn(p) for p in described.parts[key].guidance], "guidance lines")
+    lines = [in_metres(drawn(p), epsg) for p in described.parts[key].guidance]
+    return _along(made, lines, "guidance lines")
 
 
-def _along(made: FileField, lines: list[Any], what: str) -> FileField:
-    """With the direction of the longest of some lines in lon/lat [deg]."""
-    from swath.field_io.plan import in_metres
-
-    drawn = tuple(in_metres(np.asarray(line, float), made.epsg) for line in lines)
-    drawn = tuple(line for line in drawn if math.dist(line[0], line[-1]) > SHORT)
+def _along(made: FileField, lines: Sequence[Any], what: str) -> FileField:
+    """With the direction of the longest of some lines [m]."""
+    drawn = tuple(line for line in lines if math.dist(line[0], line[-1]) > SHORT)
     if len(drawn) < len(lines):
-        said = f"{len(lines) - len(drawn)} of {len(lines)} {what} without a direction are left out"
+        said = f"unused: {len(lines) - len(drawn)} of {len(lines)} {what} without a direction are left out"
         made = replace(made, notes=(*made.notes, said))
     if not drawn:
         return made
     longest = max(drawn, key=lambda line: math.dist(line[0], line[-1]))
     (ax, ay), (bx, by) = longest[[0, -1]].tolist()
     direction = math.atan2(by - ay, bx - ax)
-    said = (
-        f"longest of {len(drawn)} {what}: {math.degrees(direction):.1f} degrees counter-clockwise from east"
-    )
+    turned = f"{math.degrees(direction):.1f} degrees counter-clockwise from east"
+    said = f"derived: direction of the passes, that of the longest of {len(drawn)} {what}: {turned}"
     return replace(made, direction=direction, notes=(*made.notes, said), lines=drawn)
 
 
-def _under(lines: list[Any], header: float) -> FileField:
-    """The ground under lines in lon/lat [deg], the largest piece, gaps of less than a header closed."""
-    from swath.field.maps.projection import origin_at
-    from swath.field_io.plan import in_metres
-
-    middle = np.median(np.concatenate(lines), axis=0)
-    epsg = origin_at(float(middle[1]), float(middle[0])).epsg
-    metres = [in_metres(line, epsg) for line in lines]
+def _under(made: FileField, lines: Sequence[Any], header: float) -> FileField:
+    """The ground under lines [m], the largest piece, gaps of less than a header closed."""
     import shapely  # of the extra of the projection, which is there
 
-    strips = [shapely.LineString(line).buffer(0.5 * header, cap_style="flat") for line in metres]
+    strips = [shapely.LineString(line).buffer(0.5 * header, cap_style="flat") for line in lines]
     grown = shapely.union_all(strips).buffer(0.5 * header, join_style="mitre")
     ground = shapely.get_parts(grown.buffer(-0.5 * header, join_style="mitre"))
+    if not len(ground):
+        raise InputError("field.file", None, "expected an outline, or lines of passes")
     largest = max(ground, key=lambda part: part.area)
-    said = f"the file has no outline: the field is the {largest.area / 1e4:.2f} ha under its lines"
-    return FileField((largest,), epsg, notes=(said,))
+    said = f"derived: the file has no outline: the field is the {largest.area / 1e4:.2f} ha under its lines"
+    return replace(made, areas=(largest,), notes=(*made.notes, said))
 
 
 def read_log_field(path: Path) -> FileField:
@@ -508,7 +498,7 @@ def read_log_field(path: Path) -> FileField:
     known = cleaned.kept & np.isfinite(cleaned.grain)
     grain = float(cleaned.grain[known].mean()) if known.any() else math.nan
     yields, told = _in_squares(log.position[known], cleaned.grain[known])
-    said = f"passes are planned along those of the log, {math.degrees(direction):.1f} degrees"
+    said = f"derived: passes are planned along those of the log, {math.degrees(direction):.1f} degrees"
     return FileField(
         (ground,), log.epsg, direction, grain,
         (*log.notes, *notes, f"{said} counter-clockwise from east", *told), yields=yields,
@@ -522,6 +512,7 @@ def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, fl
     squares, number = np.unique(np.floor(position / SQUARE), axis=0, return_inverse=True)
     mean = np.bincount(number.ravel(), grain) / np.bincount(number.ravel())
     low, high = np.percentile(10.0 * mean, [5.0, 95.0])
-    told = f"yield varies as in the log, {low:.1f} to {high:.1f} t/ha in 90 % of squares of {SQUARE:g} m"
+    of_squares = f"{low:.1f} to {high:.1f} t/ha in 90 % of squares of {SQUARE:g} m"
+    told = f"derived: the yield varies as in the log, {of_squares}"
     middles = SQUARE * (squares + 0.5)
     return tuple(zip(*middles.T.tolist(), mean.tolist(), strict=True)), [f"{told}; elsewhere it is the mean"]

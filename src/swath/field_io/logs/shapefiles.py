@@ -106,11 +106,17 @@ def read_points(path: Path, key: str) -> tuple[dict[str, list[Any]], Array, str,
         return columns, points, _crs(parts), _metadata(parts)
 
 
-def read_rings(path: Path, key: str) -> tuple[list[list[Any]], str]:
-    """The rings of each polygon, points (x, y), and the crs (WKT)."""
+def read_rings(path: Path, key: str) -> tuple[list[tuple[list[Any], dict[str, Any]]], str]:
+    """The rings of each polygon, points (x, y), with what is said of it, and the crs (WKT)."""
     with shapefile_parts(path, key) as parts:
         shapes = _reader(shp=io.BytesIO(parts["shp"]())).shapes()
-        return [_rings(s) for s in shapes if s.shapeType in POLYGONS], _crs(parts)
+        said: list[dict[str, Any]] = [{}] * len(shapes)
+        if "dbf" in parts:
+            data = {"dbf": parts["dbf"]()}
+            records = _reader(dbf=io.BytesIO(data["dbf"]), encoding=_encoding(parts, data)).records()
+            said = [record.as_dict() for record in records] if len(records) == len(shapes) else said
+        both = zip(shapes, said, strict=True)
+        return [(_rings(s), about) for s, about in both if s.shapeType in POLYGONS], _crs(parts)
 
 
 def _rings(shape: Any) -> list[Any]:

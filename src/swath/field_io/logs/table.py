@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, reason_of
 from swath.core.files.read_file import open_to_read
 from swath.core.registry import installed, installed_part
+from swath.documents.foreign import refuse_foreign
+from swath.documents.geojson import read_records
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
 from swath.field_io.logs.channels import Channels, open_channels
 from swath.field_io.logs.columns import AG_LEADER, AG_LEADER_2000, guess, unit_symbol
@@ -121,6 +123,10 @@ def read_table(path: Path) -> Table:
             return _read_channels(channels)
         if is_taskdata(path):
             return _read_isoxml(path)
+        refuse_foreign(path, "log")
+        if ending in ("geojson", "json"):
+            columns, points, crs = read_records(path, "log")
+            return Table(columns, np.arange(1, len(points) + 1), points, crs, {})
         head = _head(path)
         if not head or head.startswith((b"PK\x03\x04", SHAPES)):
             return _read_shapefile(path)
