@@ -143,7 +143,7 @@ def test_keys_of_0_2_are_left_out_with_a_note_that_says_where_they_stand(tmp_pat
     for key, line in (
         ("carts.k.align_s", 5), ("unload.mode", 6), ("unload.finish_s", 6), ("team.lag_m", 7),
     ):  # fmt: skip
-        (note,) = [note for note in job.notes if note.startswith(f"{key} ")]
+        (note,) = [note for note in job.notes if note.startswith(f"unused: {key} ")]
         assert f"is read no more (job.yaml:{line}): " in note
     assert len(job.notes) == 4
 
@@ -163,7 +163,7 @@ def test_what_is_not_done_any_more_is_refused_with_its_place(tmp_path, more, sai
 
 def test_without_carts_a_combine_that_was_emptied_standing_still_is(tmp_path):
     (note,) = job_of(tmp_path, RING, REST + "unload: {mode: standing}\n").notes
-    assert note.startswith("unload.mode is read no more")
+    assert note.startswith("unused: unload.mode is read no more")
 
 
 def lines_over(tmp_path, rows, more=()):

@@ -47,7 +47,7 @@ def test_a_bundled_job_is_printed_to_make_ones_own_of_it(capsys, tmp_path):
 @pytest.mark.parametrize(("old", "new"), RENAMED.items())
 def test_a_job_by_its_name_of_0_2_is_read_with_a_line_that_says_the_new_one(old, new, capsys):
     job = read_job(old)[0]
-    assert job.notes[0] == f"{old} is called {new} now: nothing drives in echelon"
+    assert job.notes[0] == f"form: {old} is called {new} now: nothing drives in echelon"
     assert replace(job, notes=()) == read_job(new)[0]
     assert main(["fleet", "list", old]) == 0
     assert capsys.readouterr().out == find_sheet("jobs", new).read_text(encoding="utf-8")

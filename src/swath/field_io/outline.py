@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
 SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no crop
 LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
-EMPTY_AREA, LARGEST_AREA = 100.0, 1e8  # m2: less and more is no field
+EMPTY_AREA, LARGEST_AREA = 100.0, 5e7  # m2: less and more is no field
 FARTHEST_KM, DEGREE_KM = 100.0, 111.2  # from a field to what a farm has beside it; of a degree of latitude
 BESIDE_M = 5.0  # m: lines that go so far over the edge still lie in the field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
@@ -39,7 +39,7 @@ USUAL_PAIRS, BLOCK = 8, 64  # boxes of sides that meet that of one in an honest 
 MOST_CROSSINGS = 1000  # of the sides of a polygon with each other
 PROBED = 1000  # records that say which field is meant
 WITHIN = 0.98  # share of a polygon that lies in another, from which on it is one within it
-ONE_FIELD = 0.5  # share of the ground of two outlines that both hold, from which on they are of one field
+ONE_FIELD = 0.2  # share of an outline that lies in another, from which on both are of one field
 DIFFERS = 0.02  # share of an area by which two readings of it may differ
 ISLANDS = 0.5  # share of a field that islands have at most; more are zones or inner lines of it
 URN = "urn:ogc:def:crs:epsg"
@@ -302,7 +302,8 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
     shapes = sorted((s for s in shapes if s.polygon.area > 0.0), key=lambda s: -s.polygon.area)
     if not shapes:
         raise too_small
-    is_said = any(s.role == FIELD for s in shapes)
+    shapes.sort(key=lambda s: s.role != FIELD)
+    is_said = shapes[0].role == FIELD
     open_to = (FIELD, "") if is_said else ("", UNKNOWN)
     fields = [s for s in shapes if s.role in open_to]
     unused.update(f"{s.word} area" for s in shapes if s.role not in (*open_to, BARE))
@@ -358,17 +359,18 @@ def _without_bare(whole: Any, bare: list[Shape], unused: Counter[str], notes: li
     """Land without what says that no crop stands there; what lies beside it is counted."""
     shapely = _shapely()
     shapely.prepare(whole)
-    shared = [whole.intersection(s.polygon) if whole.intersects(s.polygon) else None for s in bare]
-    inside: dict[str, list[Any]] = {}
-    for shape, part in zip(bare, shared, strict=True):
-        if part is not None and part.area > LEAST_TOLD:
-            inside.setdefault(shape.word, []).append(part)
+    sizes = dict[str, float]()
+    for shape in bare:
+        shared = whole.intersection(shape.polygon).area if whole.intersects(shape.polygon) else 0.0
+        if shared > LEAST_TOLD:
+            sizes[shape.word] = sizes.get(shape.word, 0.0) + shared
         else:
             unused[f"{shape.word} area outside of the field"] += 1
-    if inside:
-        sizes = (f"{word} {shapely.union_all(parts).area / 1e4:.2f} ha" for word, parts in inside.items())
-        notes.append(f"shape: no crop in it: {', '.join(sizes)}")
-    return whole.difference(shapely.union_all([part for parts in inside.values() for part in parts]))
+    if sizes:
+        notes.append(
+            f"shape: no crop in it: {', '.join(f'{w} {size / 1e4:.2f} ha' for w, size in sizes.items())}"
+        )
+    return whole.difference(shapely.union_all([s.polygon for s in bare]))
 
 
 def _guidance(areas: Sequence[Any], lines: list[Piece], unused: Counter[str]) -> tuple[Array, ...]:
@@ -405,26 +407,21 @@ def _nested(
             if pairs_left < 0:
                 raise ValueError(f"more than {MOST_PAIRS} pairs of polygons that overlap")
             shared = shapes[j].polygon.intersection(shape.polygon).area
-            larger, own = shapes[j].polygon.area, shape.polygon.area
-            sizes = f"{larger / 1e4:.2f} and {own / 1e4:.2f} ha"
-            is_same = shared > ONE_FIELD * (larger + own - shared)
-            if shared > WITHIN * own and own > WITHIN * larger:
+            other, own = shapes[j].polygon.area, shape.polygon.area
+            is_field = [s.role == FIELD for s in (shapes[j], shape)]
+            is_within = shared > WITHIN * own
+            if shared > WITHIN * max(own, other):
                 copies, depth = copies + 1, -1
-            elif is_same and shape.role != shapes[j].role:  # the one that says field, whichever is larger
-                depth, depths[j] = (-1, depths[j]) if shapes[j].role == FIELD else (depth, -1)
-                notes.append(f"sources: two outlines of one field, {sizes}: the one that says so counts")
-            elif shared > WITHIN * own:
-                if shape.role == FIELD:
-                    notes.append(
-                        f"sources: {own / 1e4:.2f} ha within a field say that they are a field: crop there"
-                    )
-                depth = -1 if shape.role == FIELD else max(depth, depths[j] + 1)
-            elif is_same:
-                if own < (1.0 - DIFFERS) * larger:
+            elif is_within and not all(is_field):
+                depth = max(depth, depths[j] + 1)
+            elif shared > ONE_FIELD * min(own, other):
+                sizes, depth = f"{other / 1e4:.2f} and {own / 1e4:.2f} ha", -1
+                is_told = is_field[0] != is_field[1]
+                if not (is_told or is_within or own > (1.0 - DIFFERS) * other):
                     expected = "expected one outline of the field, or what each is (kind: field, island)"
                     raise InputError("sources", sizes, expected, file=path)
-                notes.append(f"sources: two outlines of one field, {sizes}: the larger counts")
-                depth = -1
+                which = "the one that says so" if is_told else "the larger one"
+                notes.append(f"sources: two outlines of one field, {sizes}: {which} counts")
             if depth < 0:
                 break
         depths.append(depth)

@@ -28,14 +28,15 @@ def role_of(said: Mapping[str, Any]) -> tuple[str, str]:
     texts = {
         _plain(key): word for key, text in said.items() if (word := _plain(text)) not in table["nothing"]
     }
-    by_key = next((key for key in table["by_key"] if key in said and _plain(said[key]) not in ("", "no")), "")
+    by_key = next(
+        (key for key in table["bare_by_key"] if texts.get(key) or _plain(said.get(key)) == "yes"), ""
+    )
     for key in table["says_it"]:
         if re.search(r"[^\W\d]", word := texts.get(key, "")):
             is_crop = trade.sheet_of(word) is not None or trade.is_other(word)
-            found = _known(word) or table["by_key"].get(by_key, "") or FIELD * is_crop
-            return found or UNKNOWN, word
+            return _known(word) or BARE * bool(by_key) or FIELD * is_crop or UNKNOWN, word
     if by_key:
-        return table["by_key"][by_key], by_key
+        return BARE, by_key
     for key in table["may_say_it"]:
         word = re.sub(r" ?\d+$", "", texts.get(key, ""))
         found = _known(word)

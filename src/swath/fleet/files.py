@@ -270,7 +270,7 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
             raise InputError(f"--set {section}.{machine}", None, expected)
     notes = tuple(_without_gone(document))
     if name in RENAMED:
-        notes = (f"{name} is called {RENAMED[name]} now: nothing drives in echelon", *notes)
+        notes = (f"form: {name} is called {RENAMED[name]} now: nothing drives in echelon", *notes)
     if document.data.get("format") != FORMAT:
         raise document.error(("format",), document.data.get("format"), f"expected `{FORMAT}`")
     found: JobKeys = checked(JobKeys, document)
@@ -359,7 +359,7 @@ def _without_gone(document: Document) -> Iterator[str]:
             if asks and (key != "mode" or document.data.get("carts")):
                 raise document.error((*path, key), value, asks)
             where = "" if place is None or place.file is None else f" ({Path(place.file).name}:{place.line})"
-            yield f"{'.'.join((*path, key))} is read no more{where}: {instead}"
+            yield f"unused: {'.'.join((*path, key))} is read no more{where}: {instead}"
         if section != "carts" and not found:
             del document.data[section]
 
