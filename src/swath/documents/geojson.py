@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.documents.foreign import refuse_foreign
 from swath.documents.json_file import read_json
 from swath.documents.packed import readable
 
@@ -23,6 +24,7 @@ def read_shapes(path: Path, key: str, what: str = "GeoJSON") -> tuple[Shapes, st
 
     Raises InputError with this key.
     """
+    refuse_foreign(path, key)
     data = read_json(path, key, what)
     if not isinstance(data, dict):
         raise InputError(key, None, f"expected {what}", file=path)

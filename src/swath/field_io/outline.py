@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError, some_of
-from swath.documents.foreign import refuse_foreign
+from swath.documents.foreign import TABLE, refuse_foreign
 from swath.documents.geojson import Shapes, pieces, read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
 from swath.documents.text_file import read_bytes
 from swath.documents.xml_file import read_xml
 from swath.field.maps.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
-from swath.field_io.logs.coordinates import BEYOND_DEG, place
+from swath.field_io.logs.coordinates import place
 from swath.field_io.logs.shapefiles import are_records, read_rings
 from swath.field_io.roles import BARE, FIELD, LINE, UNKNOWN, role_of
 from swath.field_io.task_data.taskdata import listed
@@ -31,6 +31,10 @@ SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no 
 LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA, LARGEST_AREA = 100.0, 5e7  # m2: less and more is no field
 FARTHEST_KM, DEGREE_KM = 100.0, 111.2  # from a field to what a farm has beside it; of a degree of latitude
+BESIDE_DEG = (
+    3.0,
+    1.0,
+)  # of longitude (half a zone) and latitude, beside the area of a system that is used there
 BESIDE_M = 5.0  # m: lines that go so far over the edge still lie in the field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
 MOST_CORNERS = 50_000  # of a polygon: one at 10 Hz around 100 ha has 20,000
@@ -143,7 +147,8 @@ def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -
         found, told = _of_numbers(_closed_lines([p for p in found if p.kind != "Point"]), unused)
         areas = [p for p in found if p.kind == "Polygon"]
         if not areas and not (or_lines and found):
-            raise InputError("boundary", None, "expected a polygon", file=path)
+            held = f", it has {listed(unused)} alone; for a log export {TABLE}" if unused.total() else ""
+            raise InputError("boundary", None, f"expected a polygon{held}", file=path)
         if len(areas) > MOST_SHAPES:
             raise InputError("boundary", len(areas), f"expected at most {MOST_SHAPES} polygons", file=path)
         corners = max(sum(map(len, p.rings)) for p in found)
@@ -158,8 +163,10 @@ def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -
         notes += [*told, *more, *far]
         made = Outlines((), (), zone)
         if areas:
-            made = arranged(_shapes(found, zone, notes), zone, path, unused)
+            made = arranged(shapes_of(found, zone, notes), zone, path, unused)
         lines = _guidance(made.areas, [p for p in found if p.kind == "LineString"], unused)
+        if not made.areas and not lines:
+            raise InputError("unused", listed(unused), "expected an area, or lines of passes", file=path)
         left = [f"unused: {listed(unused)}"] if unused.total() else []
         return replace(made, lines=lines, notes=(*notes, *made.notes, *left))
 
@@ -205,9 +212,7 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     middle = np.median(np.concatenate(areas or [ring for p in found for ring in p.rings]), axis=0)
     turned = np.array([middle, middle[::-1]])
     both = transform(turned, system, "EPSG:4326")
-    can_be = next(
-        (fits for margin in (0.0, BEYOND_DEG) if any(fits := _fits(turned, both, system, margin))), []
-    )
+    can_be = next((fits for more in (0.0, 1.0) if any(fits := _fits(turned, both, system, more))), [])
     near = [fits and epsg in (None, utm_epsg(*at)) for fits, at in zip(can_be, both, strict=bool(can_be))]
     straight, swapped = near if any(near) else can_be or (False, False)
     if not straight and not swapped:
@@ -228,15 +233,16 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     return _split(transform(np.concatenate(raw), system, "EPSG:4326"), raw), notes
 
 
-def _fits(numbers: Array, lon_lat: Array, system: Any, margin: float) -> list[bool]:
-    """Whether places lie where their system is used, or as far beside it [deg]."""
+def _fits(numbers: Array, lon_lat: Array, system: Any, more: float) -> list[bool]:
+    """Whether places lie where their system is used, or beside it: more, a share of BESIDE_DEG."""
     west, south, east, north = (
         system.area_of_use.bounds if system.area_of_use else (-180.0, -90.0, 180.0, 90.0)
     )
     is_angle = (np.abs(numbers) <= (360.0, 90.0)).all(axis=1) | (not system.is_geographic)
     lon, lat = np.where(np.isfinite(lon_lat), lon_lat, np.nan).T
+    margin, far = (more * deg for deg in BESIDE_DEG)
     is_across = (lon - west + margin) % 360.0 <= ((east - west) % 360.0 or 360.0) + 2.0 * margin
-    return [bool(fit) for fit in is_angle & is_across & (lat >= south - margin) & (lat <= north + margin)]
+    return [bool(fit) for fit in is_angle & is_across & (lat >= south - far) & (lat <= north + far)]
 
 
 def _together(found: list[Piece], raw: list[Array]) -> tuple[list[Piece], list[Array], list[str]]:
@@ -255,7 +261,7 @@ def _together(found: list[Piece], raw: list[Array]) -> tuple[list[Piece], list[A
     return [found[i] for i in kept], [raw[i] for i in kept], [said] if left else []
 
 
-def _shapes(found: list[Piece], epsg: int, notes: list[str]) -> list[Shape]:
+def shapes_of(found: list[Piece], epsg: int, notes: list[str]) -> list[Shape]:
     """The areas among pieces [m], valid."""
     shapely, shapes, crossed, outside, apart = _shapely(), list[Shape](), list[str](), 0, 0.0
     for piece in found:
@@ -265,8 +271,9 @@ def _shapes(found: list[Piece], epsg: int, notes: list[str]) -> list[Shape]:
         for ring in drawn:
             spot = str(shapely.is_valid_reason(ring)).partition("Self-intersection[")[2]
             crossed += [", ".join(f"{float(c):.0f}" for c in spot[:-1].split())] if spot else []
-        rings = [_surfaces(ring) for ring in drawn]
-        apart = max([apart, *map(_apart, drawn, rings)])
+        mended = [_mended(ring) for ring in drawn]
+        rings = [ring for ring, _ in mended]
+        apart = max([apart, *(by for _, by in mended)])
         if piece.is_even_odd:
             polygon = _surfaces(shapely.MultiPolygon(drawn))
         else:
@@ -283,14 +290,26 @@ def _shapes(found: list[Piece], epsg: int, notes: list[str]) -> list[Shape]:
     return shapes
 
 
-def _apart(ring: Any, mended: Any) -> float:
-    """By what share the area that a ring encloses differs with how its crossings are read."""
-    shapely = _shapely()
-    if ring.is_valid or not mended.area:
-        return 0.0
-    within = shapely.union_all(shapely.get_parts(shapely.polygonize([shapely.union_all([ring.exterior])])))
-    largest_part = max(part.area for part in _parts(mended))
-    return float(max(1.0 - largest_part / mended.area, within.area / mended.area - 1.0))
+def _mended(ring: Any) -> tuple[Any, float]:
+    """The areas that a ring goes around, and by what share they differ with how its crossings are read."""
+    if ring.is_valid:
+        return ring, 0.0
+    shapely, even_odd = _shapely(), _surfaces(ring)
+    corners = shapely.get_coordinates(ring)
+    faces = shapely.get_parts(shapely.polygonize([shapely.union_all([ring.exterior])])).tolist()
+    around = [f for f in faces if _turns(corners, *f.representative_point().coords[0]) != 0]
+    area = shapely.union_all(around)
+    if not area.area:
+        return area, 0.0
+    largest_part = max(part.area for part in _parts(area))
+    return area, float(max(1.0 - largest_part / area.area, 1.0 - even_odd.area / area.area))
+
+
+def _turns(ring: Array, x: float, y: float) -> int:
+    """How often a closed ring goes around a point, > 0 counter-clockwise."""
+    (x0, y0), (x1, y1) = ring[:-1].T, ring[1:].T
+    is_left = (x1 - x0) * (y - y0) > (x - x0) * (y1 - y0)
+    return int(((y0 <= y) & (y < y1) & is_left).sum()) - int(((y1 <= y) & (y < y0) & ~is_left).sum())
 
 
 def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -> Outlines:
@@ -417,7 +436,7 @@ def _nested(
             elif shared > ONE_FIELD * min(own, other):
                 sizes, depth = f"{other / 1e4:.2f} and {own / 1e4:.2f} ha", -1
                 is_told = is_field[0] != is_field[1]
-                if not (is_told or is_within or own > (1.0 - DIFFERS) * other):
+                if not (is_told or is_within or own > (1.0 - DIFFERS) * other or own < DIFFERS * other):
                     expected = "expected one outline of the field, or what each is (kind: field, island)"
                     raise InputError("sources", sizes, expected, file=path)
                 which = "the one that says so" if is_told else "the larger one"
@@ -540,7 +559,7 @@ def _from_geojson(path: Path) -> tuple[list[Piece], str, list[str]]:
     shapes, name = read_shapes(path, "boundary", "GeoJSON or a polygon shapefile")
     found = [Piece(kind, rings, said) for shape, said in shapes for kind, rings in pieces(shape)]
     if is_log(shapes, path):
-        expected = "expected an outline, each has a yield: records of a log"
+        expected = "expected an outline, each has a yield: a log, for `field import` or `log` of a job"
         raise InputError("boundary", f"{len(shapes)} records", expected, file=path)
     empty = sum(next(pieces(shape), None) is None for shape, _ in shapes)
     return found, name, [f"unused: {empty} features without a geometry"] if empty else []

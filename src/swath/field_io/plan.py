@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +21,8 @@ from swath.field_io.folder import FieldFolder
 from swath.field_io.grid import make_grid
 from swath.field_io.logs.coordinates import place
 from swath.field_io.logs.shapefiles import is_of_polygons
-from swath.field_io.outline import valid
+from swath.field_io.outline import Piece
 from swath.field_io.passes import Track, row_azimuth, straight_windows
-from swath.field_io.roles import BARE, FIELD
 from swath.field_io.task_data.taskdata import (
     PATTERNS,
     PIVOT,
@@ -31,7 +30,6 @@ from swath.field_io.task_data.taskdata import (
     Description,
     Part,
     Pattern,
-    Polygon,
     drawn,
     listed,
     pivot_radius,
@@ -213,27 +211,22 @@ def _width(described: Description, part: str, path: Path) -> tuple[float, str]:
 
 def _polygon(part: Part, path: Path) -> tuple[Any, int, list[str]]:
     """The field in UTM metres without its holes and what bears no crop, the system, and what is left out."""
-    import shapely
-
     epsg = utm_epsg(*np.median(part.boundary[0].exteriors[0], axis=0))
-
-    def shapes(polygons: Sequence[Polygon], role: str) -> list[outline.Shape]:
-        rings = [ring for p in polygons for ring in (*p.exteriors, *p.interiors)]
-        ends = np.cumsum([len(ring) for ring in rings])[:-1]
-        places = iter(np.split(in_metres(np.concatenate(rings), epsg), ends) if rings else [])
-        made = []
-        for p in polygons:
-            sides = [[shapely.Polygon(next(places)) for _ in side] for side in (p.exteriors, p.interiors)]
-            outer, inner = (shapely.union_all([valid(p) for p in side]) for side in sides)
-            made.append(outline.Shape(outer.difference(inner), role=role, word=p.name))
-        return made
-
     notes = [] if "field" in part.polygons else ["shape: main field and headland, the field has no boundary"]
-    unused = Counter[str]()
-    every = [*shapes(part.boundary, FIELD), *shapes(part.polygons.get("bare", []), BARE)]
-    polygon, told = outline.arranged(every, epsg, path, unused).field()
-    beside = [f"unused: {listed(unused)}"] if unused.total() else []
-    return polygon, epsg, [*notes, *told, *beside]
+    said = [("field", p) for p in part.boundary] + [(p.name, p) for p in part.polygons.get("bare", [])]
+    found = [
+        Piece(
+            "Polygon",
+            [in_metres(ring, epsg) for ring in (*p.exteriors, *p.interiors)],
+            {"kind": word},
+            0,
+            True,
+        )
+        for word, p in said
+    ]
+    shapes, unused = outline.shapes_of(found, epsg, notes), Counter[str]()
+    polygon, told = outline.arranged(shapes, epsg, path, unused).field()
+    return polygon, epsg, [*notes, *told, *([f"unused: {listed(unused)}"] if unused.total() else [])]
 
 
 def in_metres(ring: Array, epsg: int) -> Array:
