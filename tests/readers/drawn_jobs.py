@@ -1,5 +1,5 @@
 """Drawn maps of fields: outlines, islands, roads, guidance and points in files of four kinds, as jobs of a
-fleet and as outlines alone. Composed of axes; what is true, and by which key a fault is told, is known before.
+fleet and as outlines alone. What is true, and by which key a fault is told, is known before it is read.
 """
 
 import json
@@ -46,8 +46,10 @@ POINT_WORDS: list[dict[str, Any]] = [
     {"natural": "tree"}, {"kind": "depot"}, {"yield_t_ha": 7.1}, {}, {"kind": "truck"}, {"barrier": "gate"},
 ]  # fmt: skip
 UNIT = {  # corners of shapes, in sides of a square; all hold the square from 0.2 to 0.48
-    "rectangle": [(0, 0), (1, 0), (1, 1), (0, 1)], "L": [(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)],
-    "trapezium": [(0, 0), (1, 0.1), (0.8, 1), (0.1, 0.9)], "hexagon": [(0.1, 0.1), (0.6, 0), (1, 0.3), (0.9, 0.8), (0.4, 1), (0, 0.7)],
+    "rectangle": [(0, 0), (1, 0), (1, 1), (0, 1)],
+    "L": [(0, 0), (1, 0), (1, 0.5), (0.5, 0.5), (0.5, 1), (0, 1)],
+    "trapezium": [(0, 0), (1, 0.1), (0.8, 1), (0.1, 0.9)],
+    "hexagon": [(0.1, 0.1), (0.6, 0), (1, 0.3), (0.9, 0.8), (0.4, 1), (0, 0.7)],
     "triangle": [(0, 0), (1.3, 0.1), (0, 1.3)],
     "circle": [(0.5 + 0.5 * math.cos(t), 0.5 + 0.5 * math.sin(t)) for t in np.arange(60) * math.pi / 30],
 }  # fmt: skip
@@ -79,7 +81,7 @@ class Thing:
 
 @dataclass
 class Map:
-    """A map as it is made: things [m] from a corner at `corner`; field: of it, with its islands and roads out."""
+    """A map as it is made: things [m] from its corner; ground: of the field, its islands and roads out."""
 
     corner: Array
     epsg: int
@@ -197,7 +199,9 @@ FAULTS: dict[str, tuple[str, Callable[[Map, np.random.Generator], None]]] = {  #
     "north first": ("system", partial(_system, system="UTM", keys={"reference", "place"}, turned=True)),
     "URN of degrees": ("system", partial(_system, system="4326", keys={"place"})),
     "URN of degrees, north first": ("system", partial(_system, system="4326", keys={"place"}, turned=True)),
-    "no system named": ("system", partial(_system, system="UTM", keys={"place"}, names_system=False, known=False)),
+    "no system named": (
+        "system", partial(_system, system="UTM", keys={"place"}, names_system=False, known=False)
+    ),
     "feet": ("system", partial(_system, system="UTM", keys={"place"}, scale=1 / 0.3048, known=False)),
     "centimetres": ("system", partial(_system, system="UTM", keys={"place"}, scale=100.0, known=False)),
 }  # fmt: skip
@@ -249,15 +253,16 @@ def draw(seed: int, held_out: bool = False) -> Drawn:
         said = one("points", POINT_WORDS)
         made.things += [Thing("Point", [p[None]], said) for p in rng.uniform(-0.2, 1.2, (5, 2)) * side]
     unusual = _faults(made, rng, held_out, is_kml, is_shape) if seed % 3 else []
-    how = {"opened": rng.random() < 0.3, "clockwise": rng.random() < 0.3, "heights": rng.random() < 0.3,
-           "collected": rng.random() < 0.2, "shuffled": rng.random() < 0.3, "null feature": rng.random() < 0.2}  # fmt: skip
+    names = ("opened", "clockwise", "heights", "shuffled", "collected", "null feature")
+    how = {name: bool(rng.random() < 0.25) for name in names}
     usual += [name for name, is_so in how.items() if is_so]
     parts = [p for p in getattr(made.ground, "geoms", [made.ground]) if p.area > 100.0]
     kept = parts if form == "geojson job" else [max(parts, key=lambda p: p.area)]
     middle = shapely.union_all(kept).centroid
     at = transform([[corner[0] + middle.x, corner[1] + middle.y]], f"EPSG:{epsg}", "EPSG:4326")[0]
     truth = {
-        "area_ha": Truth(sum(p.area for p in kept) / 1e4), "holes": Truth(sum(len(p.interiors) for p in kept)),
+        "area_ha": Truth(sum(p.area for p in kept) / 1e4),
+        "holes": Truth(sum(len(p.interiors) for p in kept)),
         "lat": Truth(float(at[1]), 0.0, 2e-4), "lon": Truth(float(at[0]), 0.0, 2e-4),
     }  # fmt: skip
     if form == "geojson job":
@@ -309,9 +314,8 @@ def _add_road(made: Map, road: str, side: float, say: Callable[[], dict[str, Any
             Thing("LineString", [np.array([(-30.0, y), (0.4 * side, y - 3.0), (1.5 * side, y + 9.0)])], said)
         )
         return
-    y, left, width = {"area beside": (-12.0, -20.0, 1.4 * side), "area across": (0.1 * side, -20.0, 3.0 * side),
-                      "area over the edge": (-3.0, -20.0, 1.4 * side)}[road]  # fmt: skip
-    box = _box(left, y, width, 6.0)
+    y = {"area beside": -12.0, "area across": 0.1 * side, "area over the edge": -3.0}[road]
+    box = _box(-20.0, y, 3.0 * side, 6.0)
     made.things.append(Thing("Polygon", [box], said))
     made.ground = made.ground.difference(shapely.Polygon(box))
 
@@ -319,9 +323,12 @@ def _add_road(made: Map, road: str, side: float, say: Callable[[], dict[str, Any
 def _write(made: Map, form: str, how: dict[str, bool], seed: int, folder: Path) -> tuple[str, Path]:
     """The file, and for a job the job beside it."""
     rng = np.random.default_rng(seed)
-    name = {"UTM": f"EPSG:{made.epsg}", "UTM by URN": f"urn:ogc:def:crs:EPSG::{made.epsg}", "own": f"EPSG:{made.own}",
-            "CRS84": "urn:ogc:def:crs:OGC:1.3:CRS84", "4326": "urn:ogc:def:crs:EPSG::4326",
-            "UTM as text": f"EPSG:{made.epsg}", "UTM by code": f"EPSG:{made.epsg}"}.get(made.system, "")  # fmt: skip
+    utm = f"EPSG:{made.epsg}"
+    name = {
+        "UTM": utm, "UTM as text": utm, "UTM by code": utm, "own": f"EPSG:{made.own}",
+        "UTM by URN": f"urn:ogc:def:crs:EPSG::{made.epsg}", "CRS84": "urn:ogc:def:crs:OGC:1.3:CRS84",
+        "4326": "urn:ogc:def:crs:EPSG::4326",
+    }.get(made.system, "")  # fmt: skip
     to = name if name.startswith("EPSG") else f"EPSG:{made.epsg}" if "UTM" in made.system else "EPSG:4326"
 
     def placed(line: Array, is_ring: bool) -> list[Any]:
@@ -388,10 +395,10 @@ def _kml(path: Path, shapes: list[Any]) -> Path:
             around = ["outer", *["inner"] * (len(rings) - 1)]
             inner = "".join(f"<{a}BoundaryIs><LinearRing>{text(r)}</LinearRing></{a}BoundaryIs>"
                             for a, r in zip(around, rings, strict=True))  # fmt: skip
-        marks.append(
-            f"<Placemark><name>{flat.get('name', '')}</name><ExtendedData>{more}</ExtendedData><{kind}>{inner}</{kind}></Placemark>"
-        )
-    data = f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>Field</name>{"".join(marks)}</Document></kml>'
+        said = f"<name>{flat.get('name', '')}</name><ExtendedData>{more}</ExtendedData>"
+        marks.append(f"<Placemark>{said}<{kind}>{inner}</{kind}></Placemark>")
+    inside = f"<Document><name>Field</name>{''.join(marks)}</Document>"
+    data = f'<kml xmlns="http://www.opengis.net/kml/2.2">{inside}</kml>'
     if path.suffix == ".kmz":
         with zipfile.ZipFile(path, "w") as made:
             made.writestr("doc.kml", data)

@@ -155,7 +155,7 @@ def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -
         if corners > MOST_CORNERS:  # what looks for crossings takes time by their square
             raise InputError("boundary", corners, f"expected at most {MOST_CORNERS} corners", file=path)
         lon_lat, more = _east_first(found, crs, epsg, path)
-        found, lon_lat, far = _together(found, lon_lat)
+        found, lon_lat, far = _together(found, lon_lat) if epsg is None else (found, lon_lat, [])
         of_areas = [at for p, at in zip(found, lon_lat, strict=True) if p.kind == "Polygon"]
         zone = epsg or utm_epsg(*np.median(np.concatenate(of_areas or lon_lat), axis=0))
         metres = _split(transform(np.concatenate(lon_lat), "EPSG:4326", f"EPSG:{zone}"), lon_lat)
@@ -216,10 +216,9 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     near = [fits and epsg in (None, utm_epsg(*at)) for fits, at in zip(can_be, both, strict=bool(can_be))]
     straight, swapped = near if any(near) else can_be or (False, False)
     if not straight and not swapped:
-        expected = f"expected places in {system.name}" + ", or the name of their system as `crs` or .prj" * (
-            not crs
-        )
-        raise InputError("place", ", ".join(f"{c:.7g}" for c in middle), expected, file=path)
+        of = system.name if crs else "degrees, or the name of their system as `crs` or .prj"
+        numbers = ", ".join(f"{c:.7g}" for c in middle)
+        raise InputError("place", numbers, f"expected places in {of}", file=path)
     raw = [np.concatenate(p.rings) for p in found]
     where, notes = [place(at[None]) for at in both], []
     if straight and swapped and crs.lower().startswith(URN) and system.axis_info[0].direction == "north":
@@ -235,9 +234,8 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
 
 def _fits(numbers: Array, lon_lat: Array, system: Any, more: float) -> list[bool]:
     """Whether places lie where their system is used, or beside it: more, a share of BESIDE_DEG."""
-    west, south, east, north = (
-        system.area_of_use.bounds if system.area_of_use else (-180.0, -90.0, 180.0, 90.0)
-    )
+    used = system.area_of_use
+    west, south, east, north = used.bounds if used else (-180.0, -90.0, 180.0, 90.0)
     is_angle = (np.abs(numbers) <= (360.0, 90.0)).all(axis=1) | (not system.is_geographic)
     lon, lat = np.where(np.isfinite(lon_lat), lon_lat, np.nan).T
     margin, far = (more * deg for deg in BESIDE_DEG)
@@ -328,9 +326,7 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
     unused.update(f"{s.word} area" for s in shapes if s.role not in (*open_to, BARE))
     if not fields:
         words = some_of(dict.fromkeys(s.word for s in shapes), 5)
-        raise InputError(
-            "unused", words, "expected an area that is a field by what it says, or says nothing", file=path
-        )
+        raise InputError("unused", words, "expected an area that says field, or nothing", file=path)
     beside = [s for s in fields if s.group != fields[0].group]
     land, islands, others = _nested([s for s in fields if s.group == fields[0].group], notes, path)
     if is_said:
@@ -386,9 +382,8 @@ def _without_bare(whole: Any, bare: list[Shape], unused: Counter[str], notes: li
         else:
             unused[f"{shape.word} area outside of the field"] += 1
     if sizes:
-        notes.append(
-            f"shape: no crop in it: {', '.join(f'{w} {size / 1e4:.2f} ha' for w, size in sizes.items())}"
-        )
+        listed_sizes = ", ".join(f"{word} {size / 1e4:.2f} ha" for word, size in sizes.items())
+        notes.append(f"shape: no crop in it: {listed_sizes}")
     return whole.difference(shapely.union_all([s.polygon for s in bare]))
 
 
