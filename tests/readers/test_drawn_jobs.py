@@ -122,13 +122,17 @@ def test_a_trace_of_two_rounds_is_its_field_and_is_told(tmp_path):
     assert not doubts(field.notes)
 
 
-@pytest.mark.parametrize(("crs", "is_there"), [("EPSG:32632", True), ("EPSG:2249", False), ("", False)])
-def test_places_lie_where_their_system_is_used(tmp_path, crs, is_there):
-    """2249 counts in feet, and lies in Massachusetts."""
-    ring = transform(np.array(lon_lat(HOME)), "EPSG:4326", "EPSG:32632").tolist()
+SYSTEMS = {"EPSG:32632": "EPSG:32632", "OGC:CRS84": "EPSG:4326", "EPSG:2249": "EPSG:32632", "": "EPSG:32632",
+           "EPSG:25832": "EPSG:4326"}  # fmt: skip
+
+
+@pytest.mark.parametrize("crs", SYSTEMS)
+def test_places_lie_where_their_system_is_used(tmp_path, crs):
+    """2249 counts in feet, and lies in Massachusetts; the last is of degrees that are said to be metres."""
+    ring = transform(np.array(lon_lat(HOME)), "EPSG:4326", SYSTEMS[crs]).tolist()
     shape = {"type": "Polygon", "coordinates": [ring], "crs": {"type": "name", "properties": {"name": crs}}}
     (tmp_path / "a.json").write_text(json.dumps(shape))
-    if is_there:
+    if crs in ("EPSG:32632", "OGC:CRS84"):
         assert read_outlines(tmp_path / "a.json").areas[0].area == pytest.approx(3e4, rel=1e-3)
     else:
         with pytest.raises(InputError) as error:

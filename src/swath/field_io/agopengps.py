@@ -30,6 +30,7 @@ MODES = {2: AB, 4: CURVE}
 NAMED = {8: "outer boundary track", 16: "inner boundary track", 32: "boundary curve", 64: "water pivot"}
 HEADLAND_LINE = "headland"  # name of a track that is one
 MOST_POINTS = 1_000_000
+FARTHEST_M = 20e3  # from the origin of its plane to a field
 WRITTEN = "2026-July-15 10:00:00 AM"  # nothing reads it
 
 
@@ -116,6 +117,8 @@ def read_agopengps(path: Path) -> AgOpenGpsField:
     if not rings:
         raise InputError("boundary", None, "expected a boundary, it has none", file=path / BOUNDARY)
     notes = [f"shape: {drives} islands that may be driven through are islands"] if drives else []
+    if (away := max(float(np.abs(ring).max()) for ring in rings)) > FARTHEST_M:
+        notes.append(f"place: the boundary lies {away / 1e3:.0f} km from the origin in {FIELD}")
     headlands = _read_headlands(path / HEADLAND, len(rings)) if os.path.isfile(path / HEADLAND) else []
     lines: list[Line] = []
     if os.path.isfile(path / TRACKS):

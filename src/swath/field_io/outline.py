@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 CLOSING_WIDTHS = 1.1  # header widths: gaps between passes up to twice this are inside the field
 SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no crop
 LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
-EMPTY_AREA, LARGEST_AREA = 100.0, 5e7  # m2: less and more is no field
+EMPTY_AREA, LARGEST_AREA = 100.0, 1e8  # m2: less and more is no field
 FARTHEST_KM, DEGREE_KM = 100.0, 111.2  # from a field to what a farm has beside it; of a degree of latitude
 BESIDE_DEG = (
     3.0,
@@ -46,7 +46,7 @@ WITHIN = 0.98  # share of a polygon that lies in another, from which on it is on
 ONE_FIELD = 0.2  # share of an outline that lies in another, from which on both are of one field
 DIFFERS = 0.02  # share of an area by which two readings of it may differ
 ISLANDS = 0.5  # share of a field that islands have at most; more are zones or inner lines of it
-URN = "urn:ogc:def:crs:epsg"
+URN = "urn:ogc:def:crs:epsg", "http://www.opengis.net/def/crs/epsg"
 KML_KINDS = {"Polygon": "Polygon", "LinearRing": "Polygon", "LineString": "LineString", "Point": "Point"}
 NAMES = ("name", "field", "fieldname", "field_name", "title", "schlag", "parcelle")  # of an area, in GeoJSON
 
@@ -144,7 +144,8 @@ def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -
         else:
             found, crs, notes = _from_geojson(path)
         unused = Counter(p.label for p in found if p.kind == "Point")
-        found, told = _of_numbers(_closed_lines([p for p in found if p.kind != "Point"]), unused)
+        found, told = _of_numbers([p for p in found if p.kind != "Point"], unused)
+        found, joined = _closed_lines(found)
         areas = [p for p in found if p.kind == "Polygon"]
         if not areas and not (or_lines and found):
             held = f", it has {listed(unused)} alone; for a log export {TABLE}" if unused.total() else ""
@@ -160,7 +161,7 @@ def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -
         zone = epsg or utm_epsg(*np.median(np.concatenate(of_areas or lon_lat), axis=0))
         metres = _split(transform(np.concatenate(lon_lat), "EPSG:4326", f"EPSG:{zone}"), lon_lat)
         found = [replace(p, rings=_split(at, p.rings)) for p, at in zip(found, metres, strict=True)]
-        notes += [*told, *more, *far]
+        notes += [*told, *joined, *more, *far]
         made = Outlines((), (), zone)
         if areas:
             made = arranged(shapes_of(found, zone, notes), zone, path, unused)
@@ -171,14 +172,22 @@ def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -
         return replace(made, lines=lines, notes=(*notes, *made.notes, *left))
 
 
-def _closed_lines(found: list[Piece]) -> list[Piece]:
-    """Areas first; lines that say field are some, and one that is closed where there is no area."""
+def _closed_lines(found: list[Piece]) -> tuple[list[Piece], list[str]]:
+    """Areas first; lines that say field are some, and one that is closed where there is no area; notes."""
     lines = [p for p in found if p.kind == "LineString"]
-    closed = [p for p in lines if len(p.rings[0]) > 3 and (p.rings[0][0] == p.rings[0][-1]).all()]
-    is_alone = len(lines) == len(found) and len(closed) == 1 and not closed[0].role[0]
-    taken = [p for p in lines if p.role[0] == FIELD] + closed * is_alone
+    taken = [p for p in lines if p.role[0] == FIELD and len(p.rings[0]) > 2]
+    if len(lines) == len(found) and not taken:
+        closed = [p for p in lines if len(p.rings[0]) > 3 and _gap(p.rings[0]) <= DIFFERS]
+        taken = [p for p in closed if len(closed) == 1 and not p.role[0]]
+    key = "outline" if any(_gap(p.rings[0]) > DIFFERS for p in taken) else "shape"
+    notes = [f"{key}: {len(taken)} lines are outlines, their ends are joined"] if taken else []
     made = [replace(p, kind="Polygon") if any(p is t for t in taken) else p for p in found]
-    return sorted(made, key=lambda p: p.kind != "Polygon")
+    return sorted(made, key=lambda p: p.kind != "Polygon"), notes
+
+
+def _gap(line: Array) -> float:
+    """Between the ends of a line, as a share of its length."""
+    return float(np.hypot(*(line[-1] - line[0])) / max(np.hypot(*np.diff(line, axis=0).T).sum(), 1e-12))
 
 
 def _of_numbers(found: list[Piece], unused: Counter[str]) -> tuple[list[Piece], list[str]]:
@@ -217,8 +226,7 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     straight, swapped = near if any(near) else can_be or (False, False)
     if not straight and not swapped:
         of = system.name if crs else "degrees, or the name of their system as `crs` or .prj"
-        numbers = ", ".join(f"{c:.7g}" for c in middle)
-        raise InputError("place", numbers, f"expected places in {of}", file=path)
+        raise InputError("place", f"{middle[0]:.7g}, {middle[1]:.7g}", f"expected places in {of}", file=path)
     raw = [np.concatenate(p.rings) for p in found]
     where, notes = [place(at[None]) for at in both], []
     if straight and swapped and crs.lower().startswith(URN) and system.axis_info[0].direction == "north":
@@ -236,7 +244,7 @@ def _fits(numbers: Array, lon_lat: Array, system: Any, more: float) -> list[bool
     """Whether places lie where their system is used, or beside it: more, a share of BESIDE_DEG."""
     used = system.area_of_use
     west, south, east, north = used.bounds if used else (-180.0, -90.0, 180.0, 90.0)
-    is_angle = (np.abs(numbers) <= (360.0, 90.0)).all(axis=1) | (not system.is_geographic)
+    is_angle = (np.abs(numbers) <= (360.0, 90.0)).all(axis=1) == system.is_geographic
     lon, lat = np.where(np.isfinite(lon_lat), lon_lat, np.nan).T
     margin, far = (more * deg for deg in BESIDE_DEG)
     is_across = (lon - west + margin) % 360.0 <= ((east - west) % 360.0 or 360.0) + 2.0 * margin
