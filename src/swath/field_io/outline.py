@@ -504,9 +504,8 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     field, notes = _closed(strips, width, 0.5)
     bare = 1.0 - strips.intersection(field).area / field.area
     if bare > 0.05:
-        notes.append(
-            f"{bare:.0%} of the field has no pass in the log: its crop is that of the passes next to it"
-        )
+        beside = "its crop is that of the passes next to it"
+        notes.append(f"derived: {bare:.0%} of the field has no pass in the log: {beside}")
     return field, notes
 
 
@@ -527,11 +526,12 @@ def _closed(ground: Any, width: float, tolerance: float) -> tuple[Any, list[str]
     """
     grow = CLOSING_WIDTHS * width
     closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(tolerance)
-    field = largest(closed)
+    field = max(_parts(closed), key=lambda part: part.area, default=_shapely().Polygon())
+    if field.area <= EMPTY_AREA:
+        raise InputError("plausible", None, f"expected a field of more than {EMPTY_AREA:.0f} m2")
     left_out = closed.area - field.area
-    notes = (
-        [f"ground in several parts: {left_out / 1e4:.2f} ha left out"] if left_out > 0.02 * field.area else []
-    )
+    said = f"unused: ground in several parts: {left_out / 1e4:.2f} ha left out"
+    notes = [said] if left_out > 0.02 * field.area else []
     polygon = _shapely().Polygon
     return polygon(field.exterior, [r for r in field.interiors if polygon(r).area >= SMALLEST_HOLE]), notes
 
@@ -645,14 +645,6 @@ def _line(text: str) -> Array:
     if any(len(place) not in (2, 3) for place in places):
         raise ValueError("a place is not longitude,latitude or longitude,latitude,height")
     return np.array([[float(c) for c in place[:2]] for place in places]).reshape(-1, 2)
-
-
-def largest(shape: Any, path: Path | None = None) -> Any:
-    """The largest part of a shape; InputError where it is below EMPTY_AREA."""
-    parts = [p for p in getattr(shape, "geoms", [shape]) if p.geom_type == "Polygon" and p.area > EMPTY_AREA]
-    if not parts:
-        raise InputError("boundary", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
-    return max(parts, key=lambda p: p.area)
 
 
 def _shapely() -> Any:

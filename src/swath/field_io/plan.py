@@ -161,26 +161,16 @@ def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[
     """
     if is_outline(path):
         found = outline.read_outlines(path)
-        polygon, found_notes = found.field()
-        lines = [f"unused: {len(found.lines)} guidance lines"] if found.lines else []
-        return (
-            Part("", ""),
-            polygon,
-            found.epsg,
-            0.0,
-            ["form: an outline alone: the crop stands evenly", *found_notes, *lines],
-        )
+        polygon, told = found.field()
+        told += [f"unused: {len(found.lines)} guidance lines"] if found.lines else []
+        notes = ["form: an outline alone: the crop stands evenly", *told]
+        return Part("", ""), polygon, found.epsg, 0.0, notes
     if is_agopengps(path):
         field = read_agopengps(path)
         part = field.part(path.name)
-        polygon, epsg, left_out = _polygon(part, path)
-        return (
-            part,
-            polygon,
-            epsg,
-            0.0,
-            ["form: a field of AgOpenGPS: the crop stands evenly", *left_out, *field.notes],
-        )
+        polygon, epsg, told = _polygon(part, path)
+        notes = ["form: a field of AgOpenGPS: the crop stands evenly", *told, *field.notes]
+        return part, polygon, epsg, 0.0, notes
     described = read_plan(path)
     key, polygon, epsg, left_out = largest_part(described, path)
     notes = ["form: ISO 11783-10 task data without a yield: the crop stands evenly", *left_out]
@@ -189,9 +179,8 @@ def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[
     part = replace(described.parts[key], crop=described.crop_of(key))
     for pattern in part.guidance:
         if pattern.kind in (PIVOT, SPIRAL):
-            shape = (
-                f"its circle of {pivot_radius(pattern):.1f} m" if pattern.kind == PIVOT else "its own line"
-            )
+            is_round = pattern.kind == PIVOT
+            shape = f"its circle of {pivot_radius(pattern):.1f} m" if is_round else "its own line"
             notes.append(f"shape: guidance of a {PATTERNS[pattern.kind]} {shape}, none beside it")
     unused = part.unused + described.unused
     notes += [f"unused: {listed(unused)}"] if unused.total() else []
