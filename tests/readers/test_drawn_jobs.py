@@ -89,6 +89,30 @@ def test_a_line_turns_the_passes_by_what_it_says_else_by_where_it_lies(tmp_path,
         assert math.degrees(field.direction) == pytest.approx(turn, abs=0.1)
 
 
+@pytest.mark.parametrize(("word", "left", "doubt"), [
+    ("pond", 2.4, []), ("silage film", 3.0, ["lost"]), ("field", 3.0, ["sources"]),
+])  # fmt: skip
+def test_an_area_in_a_field_is_what_it_says(tmp_path, word, left, doubt):
+    inner = [(20, 20), (120, 20), (120, 80), (20, 80), (20, 20)]
+    path = features(
+        tmp_path / "a.json", ("Polygon", HOME, {"kind": "field"}), ("Polygon", inner, {"kind": word})
+    )
+    field = read_field(path, 9.0)
+    assert area(field) == pytest.approx(left, rel=1e-3)
+    assert doubts(field.notes) == doubt
+
+
+def test_words_of_a_shapefile_in_utf_8_are_known_without_a_cpg(tmp_path):
+    import shapefile
+
+    with shapefile.Writer(str(tmp_path / "a.shp"), shapeType=shapefile.POLYGON) as file:
+        file.field("art", "C", 150)
+        for word, ring in (("Acker", HOME), ("Straße", [(-9, 60), (210, 60), (210, 70), (-9, 70), (-9, 60)])):
+            file.poly([lon_lat(ring)])
+            file.record(word)
+    assert sum(a.area for a in read_outlines(tmp_path / "a.shp").areas) == pytest.approx(28_000, rel=1e-3)
+
+
 def test_a_closed_line_alone_is_an_outline_and_lines_of_other_kinds_are_none(tmp_path):
     assert area(read_field(features(tmp_path / "a.json", ("LineString", HOME, {})), 9.0)) == pytest.approx(
         3.0

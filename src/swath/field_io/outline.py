@@ -357,6 +357,11 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
         within = shapely.union_all([s.polygon for s in beside]).intersection(whole).area
         if within >= LEAST_TOLD:
             notes.append(f"unused: polygons of another folder within the field, {within / 1e4:.2f} ha")
+    strange = [s for s in shapes if s.role == UNKNOWN and is_said]
+    unknown = shapely.union_all([s.polygon for s in strange]).intersection(whole).area
+    if unknown > DIFFERS * whole.area:
+        words = some_of(dict.fromkeys(s.word for s in strange), 5)
+        notes.append(f"lost: {unknown / 1e4:.2f} ha of the field are of an unknown kind, crop there: {words}")
     whole = _without_bare(whole, [s for s in shapes if s.role == BARE], unused, notes)
     areas = [p for p in _parts(whole) if p.area > EMPTY_AREA]
     if not areas:

@@ -137,7 +137,7 @@ def _encoding(parts: Parts, data: dict[str, bytes]) -> str:
     if stated in ("utf-8", "utf8", "65001"):
         return "utf-8"
     try:
-        data["dbf"].decode("utf-8")
+        data["dbf"][int.from_bytes(data["dbf"][8:10], "little") :].decode("utf-8")  # behind the binary head
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8"
