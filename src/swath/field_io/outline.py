@@ -200,6 +200,8 @@ def _of_numbers(found: list[Piece], unused: Counter[str]) -> tuple[list[Piece], 
         rings = [ring for ring in known if len(np.unique(ring, axis=0)) >= least]
         if rings and (piece.is_even_odd or rings[0] is known[0]):
             kept.append(replace(piece, rings=rings))
+        elif any(map(len, known)) and list(map(len, known)) != list(map(len, piece.rings)):
+            raise InputError("damaged", piece.label, "expected two numbers for each of its places")
         else:
             unused[f"{piece.label} of fewer than {least} places"] += 1
     return kept, [f"damaged: {lost} places are no two numbers, they are left out"] if lost else []
@@ -218,10 +220,10 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     """
     system = known_crs(crs or "EPSG:4326")
     areas = [ring for p in found if p.kind == "Polygon" for ring in p.rings]
-    middle = np.median(np.concatenate(areas or [ring for p in found for ring in p.rings]), axis=0)
-    turned = np.array([middle, middle[::-1]])
-    both = transform(turned, system, "EPSG:4326")
-    can_be = next((fits for more in (0.0, 1.0) if any(fits := _fits(turned, both, system, more))), [])
+    numbers = np.concatenate(areas or [ring for p in found for ring in p.rings])
+    middle, most = np.median(numbers, axis=0), np.abs(numbers).max(axis=0)
+    both, limits = transform([middle, middle[::-1]], system, "EPSG:4326"), np.array([most, most[::-1]])
+    can_be = next((fits for more in (0.0, 1.0) if any(fits := _fits(limits, both, system, more))), [])
     near = [fits and epsg in (None, utm_epsg(*at)) for fits, at in zip(can_be, both, strict=bool(can_be))]
     straight, swapped = near if any(near) else can_be or (False, False)
     if not straight and not swapped:
@@ -240,11 +242,13 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     return _split(transform(np.concatenate(raw), system, "EPSG:4326"), raw), notes
 
 
-def _fits(numbers: Array, lon_lat: Array, system: Any, more: float) -> list[bool]:
-    """Whether places lie where their system is used, or beside it: more, a share of BESIDE_DEG."""
+def _fits(most: Array, lon_lat: Array, system: Any, more: float) -> list[bool]:
+    """Whether places lie where their system is used, or beside it. most: their largest numbers, as read two
+    ways; more: share of BESIDE_DEG.
+    """
     used = system.area_of_use
     west, south, east, north = used.bounds if used else (-180.0, -90.0, 180.0, 90.0)
-    is_angle = (np.abs(numbers) <= (360.0, 90.0)).all(axis=1) == system.is_geographic
+    is_angle = (most <= (360.0, 90.0)).all(axis=1) == system.is_geographic
     lon, lat = np.where(np.isfinite(lon_lat), lon_lat, np.nan).T
     margin, far = (more * deg for deg in BESIDE_DEG)
     is_across = (lon - west + margin) % 360.0 <= ((east - west) % 360.0 or 360.0) + 2.0 * margin
