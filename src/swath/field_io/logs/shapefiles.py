@@ -137,7 +137,8 @@ def _encoding(parts: Parts, data: dict[str, bytes]) -> str:
     if stated in ("utf-8", "utf8", "65001"):
         return "utf-8"
     try:
-        data["dbf"][int.from_bytes(data["dbf"][8:10], "little") :].decode("utf-8")  # behind the binary head
+        table, head = data["dbf"], int.from_bytes(data["dbf"][8:10], "little")
+        b"".join([*(table[i : i + 11] for i in range(32, head, 32)), table[head:]]).decode("utf-8")
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8"
