@@ -97,8 +97,11 @@ def worker(folder: Path) -> None:
     """Read `kind number` lines, answer each with a line of JSON."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_GB << 30, MEMORY_GB << 30))
     warnings.simplefilter("ignore")
-    seeds, answer = Seeds(folder), sys.stdout
+    seeds, answer = Seeds(folder), os.fdopen(os.dup(1), "w")
     sys.stdout = sys.stderr
+    out = folder / "printed"
+    os.dup2(os.open(out, os.O_WRONLY | os.O_CREAT | os.O_APPEND), 1)
+    printed = out.open("rb")
     for line in sys.stdin:
         kind, number = line.split()
         work = folder / "work"
@@ -110,6 +113,8 @@ def worker(folder: Path) -> None:
         peak = _peak_mib()
         if said in ("valid", "refused") and peak > MOST_MIB:
             said, more = f"{peak} MiB", said
+        if text := printed.read():  # by a library: the user's own output would hold it
+            said, more = "printed", text[:300].decode(errors="replace")
         print(json.dumps([said, more, file, spent, peak]), file=answer, flush=True)
 
 
