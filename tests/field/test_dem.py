@@ -1,11 +1,13 @@
 """Heights of a DEM as people have them: scale, offset, unit, vertical system, nodata."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from swath.core.errors import InputError
+from swath.documents.reasons import doubts
 from swath.field.field_setup import FieldSetup
 from swath.field.ground.soil import CONE_INDEX
 from swath.field.maps.band import GRAIN, MOISTURE, PLAIN, STEMS
@@ -183,6 +185,28 @@ def test_ground_that_is_only_uneven_is_left_as_it_is(tmp_path):
     assert np.nanmax(found.values) > 313.0
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.02, 0.6])
+@pytest.mark.parametrize("step", [4.0, -30.0])
+def test_two_tiles_of_other_heights_are_told_as_such(tmp_path, turn, step):
+    z = heights()
+    rows, columns = np.indices(z.shape)
+    z[columns > z.shape[1] * 0.55 + turn * (rows - z.shape[0] / 2)] += step
+    found, _ = read_dem(write(tmp_path / "a.tif", z.astype("f4"), unit="m"), GRID)
+    assert doubts(found.notes) == ["heights"]
+    told = float(re.search(r"heights: a step of (-?[\d.]+) m along a line", "".join(found.notes))[1])
+    assert abs(told) == pytest.approx(abs(step), abs=1.5)
+    with pytest.raises(InputError, match=r"heights = a step of .*do its tiles differ in height"):
+        read_dem(write(tmp_path / "a.tif", (z + np.sign(z - heights()) * 150.0).astype("f4"), unit="m"), GRID)
+
+
+def test_a_hedge_and_a_ditch_through_the_field_are_no_tiles(tmp_path):
+    for high in (6.0, -3.0):
+        z = heights()
+        z[:, 140:143] += high
+        found, _ = read_dem(write(tmp_path / "a.tif", z.astype("f4"), unit="m"), GRID)
+        assert not [note for note in found.notes if "along a line" in note]
+
+
 def test_what_nothing_says_is_told(tmp_path):
     assert "a.tif states no unit of height: taken as m" in off(write(tmp_path / "a.tif", heights()))[1]
     tenfold = 300.0 + 10.0 * (heights() - 300.0)
@@ -285,7 +309,7 @@ def test_a_turned_map_of_heights_is_refused(turned, noise, tmp_path):
     held, _ = read_dem(write(tmp_path / "a.tif", heights().astype("f4"), unit="m"), GRID)
     assert not [note for note in against_log(held, log, tmp_path).notes if "hills" in note]
     other, _ = read_dem(write(tmp_path / "b.tif", turned(heights()).astype("f4"), unit="m"), GRID)
-    with pytest.raises(InputError, match="dem = of the log's hills it shows"):
+    with pytest.raises(InputError, match="heights = of the log's hills it shows"):
         against_log(other, log, tmp_path / "b.tif")
 
 

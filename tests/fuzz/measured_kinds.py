@@ -237,6 +237,33 @@ def _weather(folder: Path) -> None:
     (folder / "mine.yaml").write_text(SCENARIO.replace("WEATHER", WEATHER).replace("MORE", ""))
 
 
+SERVICES = {
+    "epw": (
+        "LOCATION,A,B,C,D,1,48.1,11.7,1.0,529\nDATA PERIODS,1,1,Data,Sunday,1/1,12/31",
+        "1999,7,25,{h1},60,?9,{t},8.0,50,99000" + 10 * ",0" + ",270,4,5,5,20,777,9,9,10,0,0,88,0,0,1",
+    ),
+    "power": (
+        "-BEGIN HEADER-\nT2M  MERRA-2 Temperature (C)\n-END HEADER-\nYEAR,MO,DY,HR,T2M",
+        "2026,7,25,{h},{t}",
+    ),
+    "open-meteo": (
+        "latitude,longitude,elevation,utc_offset_seconds\n48,11,500,7200\n\ntime,temperature_2m (°C)",
+        "2026-07-25T{h:02d}:00,{t}",
+    ),
+    "dwd": ("STATIONS_ID;MESS_DATUM;QN_9;TT_TU;RF_TU;eor", "44;20260725{h:02d};3;{t};62;eor"),
+}
+
+
+def _weather_of(service: str) -> Callable[[Path], None]:
+    def make(folder: Path) -> None:
+        head, row = SERVICES[service]
+        rows = [row.format(h=h, h1=h + 1, t=18 + h % 8) for h in range(24)]
+        (folder / "weather.csv").write_text("\n".join([head, *rows]) + "\n")
+        (folder / "mine.yaml").write_text(SCENARIO.replace("WEATHER", WEATHER).replace("MORE", ""))
+
+    return make
+
+
 def _built(folder: Path) -> Any:
     """What a scenario with files builds of them, without a step."""
     from swath.runtime.assembly import assemble
@@ -287,6 +314,7 @@ MEASURED: dict[str, Kind] = {
     "frames-asc": Kind(_logged("log.asc"), read_channels),
     "frames-topics": Kind(_logged("log.blf"), _played),
     "weather": Kind(_weather, _built),
+    **{f"weather-{name}": Kind(_weather_of(name), _built) for name in SERVICES},
     "cloud-las": Kind(_cloud("c.las"), _read_cloud),
     "cloud-laz": Kind(_cloud("c.laz"), _read_cloud),
 }

@@ -4,6 +4,7 @@ A note says how a file was read, or what is doubtful in it; a refusal is an Inpu
 reads many files looks for keys of doubts (`doubts`) and for errors.
 """
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -47,8 +48,8 @@ REASONS: dict[str, Reason] = {
 
 
 def key_of(note: str) -> str:
-    """The key of a note, '' where it carries none of the list."""
-    key = note.partition(":")[0]
+    """The key of a note, '' where it carries none of the list; a part such as `field.weather:` may lead."""
+    key = re.sub(r"^\w+(\.\w+)+: ", "", note).partition(":")[0]
     return key if key in REASONS else ""
 
 

@@ -1,8 +1,9 @@
-"""Pairs of measures that must agree: the table of them is judged here, whatever they were read from."""
+"""What measures say of each other: tables of witnesses are asked and judged here, whatever was read."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ class Pair:
     """What to write where one of them is wrong."""
     is_stated: bool = False
     """The user says what is contradicted: it is noted, not refused."""
+    expected: str = "expected both to agree"
 
     @property
     def agrees(self) -> bool:
@@ -54,12 +56,40 @@ def judge(pairs: Iterable[Pair], file: Path | None = None) -> list[str]:
     notes = []
     for pair in pairs:
         if pair.contradicts and not pair.is_stated:
-            raise InputError(
-                pair.key, pair.shown, f"expected both to agree; {pair.entry}".rstrip("; "), file=file
-            )
+            raise InputError(pair.key, pair.shown, f"{pair.expected}; {pair.entry}".rstrip("; "), file=file)
         if pair.residual > pair.told:
             notes.append(f"{pair.key}: {pair.shown}" + (f"; {pair.entry}" if pair.entry else ""))
     return notes
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A row of a table of witnesses: what numbers of one source may say, alone or together.
+
+    of: measures that it asks; it is silent where one is missing
+    find: of these measures the residual, as of `Pair`, and what `shown` says of it; key: of `reasons`
+    """
+
+    of: tuple[str, ...]
+    find: Callable[..., tuple[float, ...]]
+    shown: str
+    entry: str
+    told: float = 0.0
+    refused: float = np.inf
+    key: str = "plausible"
+    expected: str = "expected numbers that agree"
+
+    def pair(self, measures: Mapping[str, Any]) -> Pair:
+        """What it says of the measures."""
+        residual, *facts = self.find(*(measures[name] for name in self.of))
+        shown = self.shown.format(*facts)
+        bounds = self.told, self.refused
+        return Pair(self.key, shown, residual, *bounds, self.entry, expected=self.expected)
+
+
+def ask(table: Iterable[Witness], measures: Mapping[str, Any], file: Path | None = None) -> list[str]:
+    """Notes of the witnesses whose measures are there. Raises as `judge`."""
+    return judge((row.pair(measures) for row in table if all(n in measures for n in row.of)), file)
 
 
 @dataclass(frozen=True)

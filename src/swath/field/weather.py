@@ -14,26 +14,29 @@ Extinction, of light in the air [1/m]:
 - dust as said: coarse dust dims 550 to 1550 nm alike within 15 %
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
-from math import atan2, cos, hypot, inf, isnan, log, sin
+from math import acos, atan2, cos, hypot, inf, isnan, log, sin
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.errors import Extra, InputError
+from swath.core.errors import Extra, InputError, MissingExtra
 from swath.core.schedule import NS
 from swath.core.units import DEG, HOUR, PERCENT
-from swath.documents.number_table import column_names, read_numbers
-from swath.documents.validation import unknown_key, validate
+from swath.documents.validation import validate
+from swath.documents.witness import ask
 from swath.documents.yaml_document import Document
 from swath.field.field_setup import from_azimuth
 from swath.field.light import Light, light
 from swath.field.maps.projection import Origin
 from swath.field.moisture import DAY
+from swath.field.weather_table import DEW_POINT, EARLIER, read_table
+from swath.field.weather_witnesses import WITNESSES
 
 RainLaw = Literal["drops", "goodin"]
 LEFT_AT_MOR = 0.05  # of a beam after the meteorological optical range (WMO-No. 8)
@@ -60,7 +63,8 @@ class Weather:
         (extras `light` and, for `field.origin`, `geo`)
     file: CSV with the column `hour`, hours of the day of `time` in its zone, up to 48 (beyond 24 of the next
         day), and any of the keys above that are numbers, taken instead of them, linear between rows; of
-        several rows the first and last hour enclose `time`
+        several rows the first and last hour enclose `time`. Or a download by the hour of a usual service, as
+        it is: EPW, NASA POWER (CSV), Open-Meteo (CSV), DWD CDC (produkt_*.txt)
     """
 
     rain_mm_h: Annotated[float, Ge(0), Le(300)] = 0.0
@@ -117,12 +121,15 @@ class SiteWeather:
     params: as the scenario says it
     origin: where the field lies, None = nobody knows
     folder: where relative file names start
+    notes: how its file was read, and what is doubtful in it
     """
 
     def __init__(self, params: Weather, origin: Origin | None = None, folder: Path | None = None) -> None:
         self.params, self._origin = params, origin
         self.start = None if params.time is None else _moment(params.time)
-        self._rows = _rows(params, self.start, folder or Path()) if params.file is not None else None
+        self._rows, self.notes = None, list[str]()
+        if params.file is not None:
+            self._rows, self.notes = _rows(params, self.start, folder or Path(), origin)
         self._constant = None if self._rows is not None else _air(params)
         missing = [n for n in SUN_KEYS if getattr(params, n) is None and n not in (self._rows or {})]
         if len(missing) == 1:
@@ -156,14 +163,7 @@ class SiteWeather:
             return []
         said = f"beyond the hours of its file, {begin:g} to {end:g}, its nearest row is taken"
         why = "straw dries through a whole day; " if t is None else ""
-        return [f"field.weather: {why}{said}"]
-
-    @property
-    def notes(self) -> list[str]:
-        """In which zone its file is read."""
-        if self._rows is None or self.start is None:
-            return []
-        return [f"hours of {self.params.file} are taken in the zone of time, {self.start:UTC%z}"]
+        return [f"field.weather: derived: {why}{said}"]
 
     def at(self, t: int) -> Air:
         """The air at a time of the run [ns]."""
@@ -281,43 +281,69 @@ def _within(hours: np.ndarray, hour: float) -> float:
 
 def _check_cell(name: str, value: float, path: Path, line: int) -> None:
     """InputError for a cell that no weather can have."""
-    if name == "hour":
-        if not 0.0 <= value <= 2.0 * DAY:
-            expected = "expected an hour of the day, 0 to 24, or of the next, up to 48"
-            raise InputError("hour", value, expected, file=path, line=line)
-        return
     _, errors = validate(Weather, {name: value}, (), Document({}))
     if errors:
-        raise InputError(errors[0].key, value, errors[0].expected, file=path, line=line)
+        expected = f"{errors[0].expected}; is it in another unit, or does it stand for none?"
+        raise InputError("plausible", f"{name} {value:g}", expected, file=path, line=line)
 
 
-def _rows(params: Weather, start: datetime | None, folder: Path) -> dict[str, np.ndarray]:
-    """Columns of the file, hours rising, the wind as a vector. InputError for what no weather can be."""
+def _rows(
+    params: Weather, start: datetime | None, folder: Path, origin: Origin | None
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns of the file, hours rising, the wind as a vector, and notes. InputError for no weather."""
     path = folder / str(params.file)
     if start is None:
         raise InputError(
             "field.weather.time", None, "expected the time at which the run starts, for the file"
         )
-    for name in column_names(path):
-        if name not in ("hour", *COLUMNS):
-            expected = unknown_key(name, ("hour", *COLUMNS), "unknown column")
-            raise InputError(name, None, expected, file=path, line=1)
-    rows = read_numbers(path, ["hour"], COLUMNS)
-    hours = rows["hour"]
+    table = read_table(path, start, COLUMNS)
+    rows, hours = table.rows, table.rows["hour"]
     if len(hours) == 0:
         raise InputError("hour", None, "expected at least one row", file=path)
     for name, column in rows.items():
         unknown = np.flatnonzero(~np.isfinite(column))
         for row in (*unknown[:1].tolist(), int(column.argmin()), int(column.argmax())):
-            _check_cell(name, float(column[row]), path, row + 2)
+            if name in COLUMNS:
+                _check_cell(name, float(column[row]), path, table.lines[row])
+            elif name == "hour" and not EARLIER <= column[row] <= 2.0 * DAY:
+                expected = "expected an hour of the day, 0 to 24, or of the next, up to 48"
+                raise InputError("timeline", float(column[row]), expected, file=path, line=table.lines[row])
     if falls := np.flatnonzero(np.diff(hours) <= 0.0).tolist():
-        row = falls[0] + 1
-        raise InputError("hour", float(hours[row]), "expected hours that rise", file=path, line=row + 2)
+        said = f"hour {hours[falls[0] + 1]:g} after {hours[falls[0]]:g}"
+        line = table.lines[falls[0] + 1]
+        raise InputError("timeline", said, "expected hours that rise", file=path, line=line)
     if len(hours) > 1 and not hours[0] <= _within(hours, hour_of(start)) <= hours[-1]:
         expected = f"expected a time within the hours of the file, {hours[0]:g} to {hours[-1]:g}"
         raise InputError("field.weather.time", params.time, expected, file=path)
+    notes = [*table.notes, *ask(WITNESSES, rows | _measures(rows, params, start, origin), path)]
+    rows.pop(DEW_POINT, None)
     if "wind_m_s" in rows or "wind_azimuth_deg" in rows:
         speed = rows.pop("wind_m_s", np.full(len(rows["hour"]), params.wind_m_s))
         azimuth = rows.pop("wind_azimuth_deg", np.full(len(rows["hour"]), params.wind_azimuth_deg)) * DEG
         rows |= {"wind_east": speed * np.sin(azimuth), "wind_north": speed * np.cos(azimuth)}
-    return rows
+    return rows, notes
+
+
+def _measures(
+    rows: dict[str, np.ndarray], params: Weather, start: datetime, origin: Origin | None
+) -> dict[str, Any]:
+    """What witnesses of a table ask beside its columns."""
+    hours, offset = rows["hour"], start.utcoffset() or timedelta()
+    found: dict[str, Any] = {
+        name: rows.get(key, np.full(len(hours), getattr(params, key)))
+        for name, key in (("air_c", "temperature_c"), ("falls", "rain_mm_h"))
+    }
+    if origin is None:
+        return found | {"zone": hours}
+    lon = float(origin.to_lon_lat([[0.0, 0.0]])[0, 0])
+    found["sun"] = hours - offset.total_seconds() / HOUR + lon / 15.0
+    if set(SUN_KEYS) <= rows.keys():
+        row = int(rows["sun_elevation_deg"].argmax())
+        moment = start + timedelta(hours=float(hours[row]) - hour_of(start))
+        azimuth, elevation = (float(rows[name][row]) * DEG for name in SUN_KEYS)
+        with suppress(MissingExtra):
+            true = sun_at(moment, origin)
+            cosine = sin(true.elevation) * sin(elevation)
+            cosine += cos(true.elevation) * cos(elevation) * cos(true.azimuth - azimuth)
+            found["sun_off_deg"] = acos(min(max(cosine, -1.0), 1.0)) / DEG
+    return found

@@ -70,11 +70,11 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
             f"expected heights for at least {LEAST_KNOWN:.0%} of the field and its margin; the field is at "
             f"{middle} (EPSG:{grid.epsg}), the file says {flat.name[:40]}"
         )
-        raise InputError("dem", f"{share:.0%}", expected, file=path)
+        raise InputError("place", f"{share:.0%}", expected, file=path)
     notes += check_ground(values, grid.cell, path)
     if share < 1.0:
         notes.append(
-            f"{1.0 - share:.1%} of the ground has no height in {path.name}: carried on from around it"
+            f"heights: {1.0 - share:.1%} of the ground has none in {path.name}: carried on around it"
         )
     filled = carry_on(values.astype(np.float64)).astype(np.float32)
     return replace(grid, values=filled, notes=tuple(notes)), share
@@ -96,13 +96,12 @@ def against_log(raster: Raster, log: Log, path: Path) -> Raster:
     alike /= max(_repeated(log.position[known], logged, log.time[known]), 0.1)
     place = f"the log's heights lie {abs(off):.1f} m {'above' if off > 0 else 'below'} the DEM's"
     rise = f"the log's heights rise {rises[1] / max(rises[0], 1e-9):.2f} times as far as the DEM's"
+    steeper = ratio(*rises) if rises[0] > APART else np.nan
     hills = f"of the log's hills it shows r = {alike:.2f}"
     pairs = (
-        Pair("dem", hills, 1.0 - alike, *ALIKE, "is the file turned, or of another field?"),
-        Pair("dem", place, abs(off), APART, entry="geoid against ellipsoid, or a unit?"),
-        Pair(
-            "dem", rise, ratio(*rises) if rises[0] > APART else np.nan, RISES, entry="is one in another unit?"
-        ),
+        Pair("heights", hills, 1.0 - alike, *ALIKE, "is the file turned, or of another field?"),
+        Pair("heights", place, abs(off), APART, entry="geoid against ellipsoid, or a unit?"),
+        Pair("heights", rise, steeper, RISES, entry="is one in another unit?"),
     )
     return replace(raster, notes=(*raster.notes, *judge(pairs, path)))
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.units import PERCENT, factors
 from swath.documents.text_file import read_bytes
+from swath.documents.witness import Witness, ask
 from swath.documents.xml_file import read_xml
 
 Array = NDArray[np.float32]
@@ -30,6 +31,8 @@ PROBED = 100_000  # pairs of cells that a step is measured on
 CLIFF_STEP, CLIFF_SLOPE = 100.0, 3.0  # m from cell to cell, and over a cell: no ground
 SMOOTHED = 10.0  # m, over which a slope is measured: crop, trees and noise are no slope
 STEPS = 0.002  # share of steps over 45 degrees and HOLE_STEP: more than ditches and walls make
+ACROSS, BROAD, STRAY, USUAL = 0.8, 2.0, 0.1, 10.0
+"""Of a seam: share of the map, half its breadth in cells, share of steps to the other side, usual steps."""
 STEEP, STEEPEST = 0.2, 1.0  # slope of half the map: more than combines harvest; more than ground has
 
 
@@ -101,7 +104,7 @@ def read_band(
     beside = _beside(path, band)
     if beside:
         said = ", ".join(f"{name} {text[:20]}" for name, text in beside.items())
-        notes.append(f"{path.name}.aux.xml beside it says {said}")
+        notes.append(f"form: {path.name}.aux.xml beside it says {said}")
         if (scale, offset) == (1.0, 0.0):
             scale, offset = (_number(beside.get(k), v, path) for k, v in (("Scale", 1.0), ("Offset", 0.0)))
         if dataset.nodatavals[band - 1] is None and "NoDataValue" in beside:
@@ -138,7 +141,7 @@ def _band_of(dataset: Any, quantity: Quantity, path: Path) -> tuple[int, list[st
     if len(found) != 1:
         expected = f"expected one of {quantity.name}; there are {listed}: `gdal_translate -b N` writes one"
         raise InputError("raster.band", None, expected, file=path)
-    return found[0], [f"{path.name}: band {found[0]} of {listed} is taken"]
+    return found[0], [f"form: {path.name}: band {found[0]} of {listed} is taken"]
 
 
 def horizontal(crs: Any) -> Any:
@@ -146,33 +149,66 @@ def horizontal(crs: Any) -> Any:
     return _parts(crs)[0]
 
 
+def _same(value: float) -> tuple[float, ...]:
+    return abs(value), value
+
+
+GROUND_WITNESSES = (
+    Witness(("seam",), _same, "a step of {:.4g} m along a line through all of it",
+            "do its tiles differ in height?", HOLE_STEP, CLIFF_STEP, "heights", "expected ground"),
+    Witness(("step", "cell"), lambda step, cell: (step / max(CLIFF_STEP, CLIFF_SLOPE * cell), step),
+            "a cell {:.0f} m above the next", "is its nodata value declared?", 1.0, 1.0, "heights",
+            "expected ground"),
+    Witness(("slope",), _same, "half of it is steeper than {:.0%}", "is its unit or scale missing, or not m?",
+            STEEP, STEEPEST, "plausible", "expected ground"),
+    Witness(("steep", "cell"), lambda share, cell: (share, share, max(HOLE_STEP, cell)),
+            "{:.1%} of it steps by more than {:g} m in a cell",
+            "is it a surface model, with trees and roofs?", STEPS, key="heights"),
+)  # fmt: skip
+
+
 def check_ground(values: Array, cell: float, path: Path) -> tuple[str, ...]:
-    """A note for ground steeper than combines harvest. values: heights [m] in cells of `cell` [m].
+    """Notes of what is hardly ground. values: heights [m] in cells of `cell` [m].
 
     Raises InputError for cliffs, and where half of it is too steep for ground.
     """
-    steep = known = 0
-    for step in (np.abs(np.diff(values, axis=axis)) for axis in (0, 1)):
-        steep, known = steep + int((step > max(HOLE_STEP, cell)).sum()), known + int(np.isfinite(step).sum())
-        highest = float(np.nanmax(step, initial=0.0, where=np.isfinite(step)))
-        if highest > max(CLIFF_STEP, CLIFF_SLOPE * cell):
-            expected = (
-                f"expected ground, a cell is {highest:.0f} m above the next: is its nodata value declared?"
-            )
-            raise InputError("raster.height", None, expected, file=path)
-    slope = _median_slope(values, cell)
-    if slope > STEEPEST:
-        expected = f"expected ground: half of it is steeper than {slope:.0%}; is its unit or scale missing?"
-        raise InputError("raster.height", None, expected, file=path)
-    notes = []
-    if slope > STEEP:
-        notes.append(
-            f"half of {path.name} is steeper than {slope:.0%}: are its heights in another unit than m?"
-        )
-    if steep > STEPS * known:
-        said = f"{steep / known:.1%} of {path.name} steps by more than {max(HOLE_STEP, cell):g} m in a cell"
-        notes.append(f"{said}: is it a surface model, with trees and roofs?")
-    return tuple(notes)
+    steps = [np.diff(values, axis=axis) for axis in (0, 1)]
+    known = sum(int(np.isfinite(step).sum()) for step in steps)
+    steep = sum(int((np.abs(step) > max(HOLE_STEP, cell)).sum()) for step in steps)
+    seam = _seam(values, steps)
+    measures = {
+        "seam": seam,
+        "cell": cell,
+        "step": max(float(np.nanmax(np.abs(s), initial=0.0, where=np.isfinite(s))) for s in steps),
+        "slope": _median_slope(values, cell),
+        "steep": 0.0 if seam else steep / max(known, 1),
+    }
+    return tuple(ask(GROUND_WITNESSES, measures, path))
+
+
+def _seam(values: Array, steps: list[Array]) -> float:
+    """How far heights differ on both sides of a line of steps through the map [m], 0 without such a line."""
+    places, usual = [], _usual_step(values)
+    for axis, step in enumerate(steps):
+        high = np.abs(step) > max(0.5 * HOLE_STEP, USUAL * usual)
+        rises = step[high] > 0.0
+        if STRAY * rises.size < rises.sum() < (1.0 - STRAY) * rises.size:
+            return 0.0  # up and down again: trees, walls
+        places.append(np.argwhere(high) + (0.5, 0.0)[:: 1 - 2 * axis])
+    at = np.concatenate(places)
+    if len(at) < ACROSS * min(values.shape):
+        return 0.0
+    middle = np.median(at, axis=0)
+    along = np.linalg.svd(at - middle, full_matrices=False)[2]
+    way, off = ((at - middle) @ along.T).T
+    passed = np.unique(way.astype(int))
+    if len(passed) < ACROSS * min(values.shape) or np.median(np.abs(off)) > BROAD:
+        return 0.0
+    rows, columns = np.ogrid[: values.shape[0], : values.shape[1]]
+    beside = (rows - middle[0]) * along[1, 0] + (columns - middle[1]) * along[1, 1]
+    near = (np.abs(beside) > 2.0 * BROAD) & (np.abs(beside) < 4.0 * BROAD)
+    sides = [np.nanmedian(values[near & (beside > 0.0)]), np.nanmedian(values[near & (beside < 0.0)])]
+    return float(sides[0] - sides[1])
 
 
 def _median_slope(values: Array, cell: float) -> float:
@@ -226,17 +262,17 @@ def _factor(dataset: Any, unit: str | None, quantity: Quantity, path: Path) -> t
         flat, vertical, is_ellipsoidal = _parts(dataset.crs)
         across = _unit(flat.axis_info[0].unit_name) if flat.is_projected else ""
         if is_ellipsoidal:
-            notes.append(f"heights of {path.name} are over the ellipsoid, not over the sea")
+            notes.append(f"reference: {path.name} is over the ellipsoid, not over the sea")
         if said and vertical and LENGTHS.get(said) != LENGTHS.get(vertical):
             notes.append(
-                f"{path.name} states two units of height: {said} of the band is taken, not {vertical}"
+                f"sources: {path.name} has two units of height: {said} of the band is taken, not {vertical}"
             )
         said = said or vertical
         if not said and across in LENGTHS and LENGTHS[across] != 1.0:
             said = across
             notes.append(
-                f"{path.name} states no unit of height: taken as {across}, as its places are; else write it "
-                "into the file, gdal_edit.py -units m"
+                f"unit: {path.name} states no unit of height: taken as {across}, as its places are; else "
+                "write it into the file, gdal_edit.py -units m"
             )
     if quantity.stated is not None:
         if quantity.units.get(said, quantity.stated) != quantity.stated:
@@ -248,9 +284,9 @@ def _factor(dataset: Any, unit: str | None, quantity: Quantity, path: Path) -> t
         raise InputError("raster.unit", said, expected, file=path)
     factor = quantity.units[said] if said else 1.0
     if quantity.is_ground and not said:
-        notes.append(f"{path.name} states no unit of height: taken as m")
+        notes.append(f"unit: {path.name} states no unit of height: taken as m")
     if factor != 1.0 and not notes:
-        notes.append(f"{path.name} is in {said}")
+        notes.append(f"unit: {path.name} is in {said}")
     return factor, notes
 
 
@@ -273,8 +309,8 @@ def _without_holes(values: Array, quantity: Quantity, factor: float) -> list[str
             if (beyond and step > HOLE_STEP) or step > max(HOLE_STEP, HOLE_STEPS * usual):
                 values[hole] = np.nan
                 notes.append(
-                    f"{int(hole.sum())} cells of {extreme / factor:g} stand {step:.4g} m off from all around "
-                    "them: taken as unknown"
+                    f"heights: {int(hole.sum())} cells of {extreme / factor:g} stand {step:.4g} m off from "
+                    "all around them: taken as unknown"
                 )
                 break
         else:
@@ -313,9 +349,8 @@ def _check_limits(values: Array, quantity: Quantity, path: Path) -> None:
     low, high = float(values[known].min()), float(values[known].max())
     if low < quantity.lowest or high > quantity.highest:
         expected = f"expected {quantity.name} of {quantity.lowest:g} to {quantity.highest:g}"
-        raise InputError(
-            "raster", f"{low:g} to {high:g}", f"{expected}: is its unit, scale or nodata missing?", file=path
-        )
+        expected += ": is its unit, scale or nodata missing?"
+        raise InputError("plausible", f"{low:g} to {high:g}", expected, file=path)
 
 
 def _beside(path: Path, band: int) -> dict[str, str]:
