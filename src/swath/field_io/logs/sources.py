@@ -53,7 +53,9 @@ def choose(
         elif size is not None or abs(over - 1.0) <= SAME:
             notes.append(f"sources: {quantity}: {best} counts; {other} differs in {1.0 - same:.0%}{differ}")
         else:
-            text = f"expected one {quantity}: {other} says {over:.3g} of {best} in the mean; --columns MAP.yaml"
+            text = (
+                f"expected one {quantity}: {other} says {over:.3g} of {best} in the mean; --columns MAP.yaml"
+            )
             raise InputError(
                 "sources", f"{best}, {other}", f"{text} takes one: {entry(best)} or {entry(other)}", file=file
             )
