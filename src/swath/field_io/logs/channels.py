@@ -41,7 +41,14 @@ VARIABLES = ("X", "P1", "P2", "P3", "P4", "P5", "P6")  # of conversions, as asam
 NO_ARITHMETIC = "its conversion, or that of its time, is a formula other than arithmetic"
 Key = tuple[int, int, bool]  # of frames: bus, identifier, whether it has 29 bits
 BUS = "CAN_DataFrame"  # channel of frames in an MF4 file (ASAM MDF bus logging)
-MAGIC = {b"MDF     ": "MF4", b"UnFinMF ": "MF4", b"LOGG": "BLF", b"date ": "ASC"}
+MAGIC = {
+    b"MDF     ": "MF4",
+    b"UnFinMF ": "MF4",
+    b"LOGG": "BLF",
+    b"date ": "ASC",
+    b"base hex": "ASC",
+    b"base dec": "ASC",
+}
 RIGHT = " right"  # after the unit of a number that counts to the right, where it counts to the left here
 LONGEST = 1785  # bytes of a message: of the transport protocol of SAE J1939-21
 _LENGTHS = re.compile(

@@ -251,9 +251,9 @@ def _in_blf(file: Any, tell: Tell) -> Iterator[tuple[float, Any]]:
         tell(
             f"damaged: the file ends after {size:,} of the {reader.file_size:,} bytes that its head states", 1
         )
-    if not stated and objects:
+    elif not stated and objects:
         tell("damaged: its logger did not end it, what that still held is missing", 1)
-    if stated - objects > MANY * stated:
+    elif stated - objects > MANY * stated:
         tell(f"lost: {stated:,} objects are stated, {objects:,} are there", stated - objects)
     if objects - read > MANY * objects:
         tell("unused: objects that are no frames", objects - read)

@@ -89,10 +89,8 @@ def at_rows(
         is_lost = stopped & (rows >= column.last) if log.is_held else stopped
         column.values[is_lost] = np.nan
         if stopped.sum() > MANY * len(rows):
-            then = "its last value holds" if stopped.sum() > is_lost.sum() else "it is not known there"
-            notes[f"lost: rows at which {name} has long not come, which comes steadily: {then}"] = int(
-                stopped.sum()
-            )
+            then = "its last value holds" if stopped.sum() > is_lost.sum() else "not known there"
+            notes[f"lost: rows without {name}, which else comes steadily: {then}"] = int(stopped.sum())
     return {name: column.values for name, column in columns.items()}, notes
 
 
@@ -125,11 +123,24 @@ def chosen(log: Channels, name: str, key: str, entry: Callable[[str], str]) -> t
     symbol, own = si_unit(log.units[sources[0]]) or (log.units[sources[0]], 1.0)
     units = {s: si_unit(log.units[s]) or (log.units[s], 1.0) for s in sources}
     parts = {source: {source: factor / own} for source, (kind, factor) in units.items() if kind == symbol}
-    rows = times_of(log, parts)
-    values = {s: v for s, v in at_rows(log, parts, rows)[0].items() if np.isfinite(v).any()}
+    values = _beside(log, parts)
     order = sorted(values or parts, key=lambda s: log.spans[s])
     if all(log.spans[b][0] > log.spans[a][1] for a, b in pairwise(order)):
         return {part: factor for s in order for part, factor in parts[s].items()}, ()
     size = SIZE_M / abs(own) / (METRES if symbol == "rad" else 1.0) if key in PLACES else None
     choice = choose(key, values, entry, size=size, file=log.path)
     return parts[choice.name], choice.notes
+
+
+def _beside(log: Channels, sources: Mapping[str, Parts]) -> dict[str, Array]:
+    """Values of the sources that have one, as far as they are new, half a step behind each sample of any."""
+    times = {source: times_of(log, parts) for source, parts in sources.items()}
+    steps = [float(np.median(np.diff(t))) for t in times.values() if len(t) >= FEWEST_STEADY]
+    step = int(min(steps, default=0.0))
+    rows = np.unique(np.concatenate([*times.values()])) + step // 2
+    values = at_rows(log, sources, rows)[0]
+    for source, t in times.items():
+        if step and len(t):
+            last = t[np.maximum(np.searchsorted(t, rows, side="right") - 1, 0)]
+            values[source][rows - last > step] = np.nan
+    return {source: v for source, v in values.items() if np.isfinite(v).any()}
