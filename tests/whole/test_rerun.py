@@ -107,7 +107,7 @@ def test_a_cut_log_ends_the_run_where_it_ends(recorded, tmp_path):
     ended = [n for n in summary["notes"] if "ended at" in n]
     assert len(ended) == 1
     assert summary["ended"] == {"reason": "log_over", "text": ended[0]}
-    [cut] = [n for n in summary["notes"] if "lidar: recording broke off after" in n]
+    [cut] = [n for n in summary["notes"] if "lidar: damaged: recording broke off after" in n]
     list(log.messages(log.topics()))
     assert next(iter(log.notes)) in cut
 

@@ -33,7 +33,9 @@ REASONS: dict[str, Reason] = {
     "timeline": Reason("stamps, intervals, ways and order that disagree", is_doubt=True),
     "plausible": Reason("numbers that their quantity cannot have, or that exclude each other", is_doubt=True),
     "mixed": Reason("a column or file that holds two different things", is_doubt=True),
-    "place": Reason("positions that disagree with the way, the field or their reference system", is_doubt=True),
+    "place": Reason(
+        "positions that disagree with the way, the field or their reference system", is_doubt=True
+    ),
     "width": Reason("a header that is not as wide as its passes lie apart", is_doubt=True),
     "yield": Reason("a yield, or a mass, that the crop or the rest of the log contradicts", is_doubt=True),
     "moisture": Reason("a moisture that is unusual of the crop", is_doubt=True),
