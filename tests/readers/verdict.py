@@ -1,9 +1,9 @@
-"""What a drawn input is worth, stated beforehand, and what a reader made of it: shared by all kinds of draws."""
+"""What is stated of a drawn input beforehand, and what a reader made of it: shared by all kinds of draws."""
 
 import tempfile
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from swath.core.errors import InputError
 from swath.documents.reasons import doubts, key_of
 
 GOOD = ("right", "told", "refused")
-BAD = ("miscounted", "false alarm", "misnamed", "SILENT", "crash")
+BAD = ("miscounted", "wrong claim", "false alarm", "misnamed", "SILENT", "crash")
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,10 @@ class Drawn:
     usual, unusual: what was drawn, `axis=value` each; unusual ones may change the result.
     write: makes the input in an empty folder and returns what the reader is given.
     truth: quantity -> what the result must say; empty: nobody could know it, it must be told or refused.
-    expected: keys of which one must be in a doubt or in the refusal, where the result is not right; empty: the
-        input has no fault, and no doubt may be told.
+    expected: keys of which one must be in a doubt or in the refusal, where the result is not right; empty:
+        the input has no fault, and no doubt may be told but those of `allowed`.
     counts: what the account of the result must say, e.g. records in the file.
+    claims: quantity -> what must hold where the result says it at all.
     """
 
     seed: int
@@ -47,15 +48,20 @@ class Drawn:
     counts: Mapping[str, int] = field(default_factory=dict)
     usual: tuple[str, ...] = ()
     unusual: tuple[str, ...] = ()
+    claims: Mapping[str, Truth] = field(default_factory=dict)
+    allowed: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
 class Got:
-    """What a reader made of an input: quantity -> number, its notes, and what its account says."""
+    """What a reader made of an input: quantity -> number, its notes, what its account says, and what it
+    claims of further quantities, nan where it does not know.
+    """
 
     numbers: Mapping[str, float | None]
     notes: tuple[str, ...] = ()
     counts: Mapping[str, int | None] = field(default_factory=dict)
+    claims: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -113,15 +119,23 @@ def judged(drawn: Drawn, got: Got) -> Verdict:
         for name, count in drawn.counts.items()
         if got.counts.get(name) != count
     ]
+    claimed = [
+        f"claim, {name}: {claim:.4g}, true {true.value:.4g}"
+        for name, true in drawn.claims.items()
+        for claim in got.claims.get(name, ())
+        if claim == claim and not true.holds(claim)
+    ]
     said = set(doubts(got.notes))
-    is_right = bool(drawn.truth) and not wrong
-    if is_right:
-        word = "false alarm" if said and not drawn.expected else "miscounted" if off else "right"
+    if drawn.truth and not wrong:
+        word = "right"
+        for is_off, worse in ((claimed, "wrong claim"), (off, "miscounted"),
+                              (not drawn.expected and said - drawn.allowed, "false alarm")):  # fmt: skip
+            word = worse if is_off else word
     else:
-        word = "told" if said & drawn.expected else "misnamed" if said else "SILENT"
+        word = "told" if said & (drawn.expected | drawn.allowed) else "misnamed" if said else "SILENT"
     if not drawn.truth:
         wrong = [f"{name}: {_text(number)}" for name, number in got.numbers.items()]
-    return Verdict(drawn, word, (*wrong, *off, *(f"note: {note}" for note in got.notes)))
+    return Verdict(drawn, word, (*wrong, *off, *claimed, *(f"note: {note}" for note in got.notes)))
 
 
 def _text(number: float | None) -> str:
