@@ -50,7 +50,7 @@ def yields(rng, spread, shortest):
     return at
 
 
-def _drive(rng, lanes, first_up, length, slant, width, speed, turn_s, lead, stops):
+def drive(rng, lanes, first_up, length, slant, width, speed, turn_s, lead, stops):
     """Place [m] and whether the header cuts, ten times a second: passes there and back on `lanes`."""
     dt, x, y, cuts, ends = 0.1, [], [], [], []
     for k, lane in enumerate(lanes):
@@ -83,7 +83,7 @@ def _drive(rng, lanes, first_up, length, slant, width, speed, turn_s, lead, stop
     return tuple(map(np.concatenate, (x, y, cuts, ends)))
 
 
-def _late(rng, inflow, delay, lag):
+def late(rng, inflow, delay, lag):
     """What the sensor shows of an inflow ten times a second: late by delay in the mean, smeared by lag."""
     kernel = np.exp(-np.arange(0, 6 * lag, 0.1) / lag)
     kernel /= kernel.sum()
@@ -117,7 +117,7 @@ def draw(seed):
             if is_beside
             else np.array_split(np.arange(passes), machines)[index]
         )
-        x, y, cuts, ends = _drive(
+        x, y, cuts, ends = drive(
             rng,
             lanes,
             bool(rng.integers(2)),
@@ -132,7 +132,7 @@ def draw(seed):
         delay = rng.uniform(-5, 20) if not is_taken_off else float(rng.choice([0.0, rng.uniform(-5, 5)]))
         v = np.hypot(np.gradient(x), np.gradient(y)) / 0.1
         inflow = np.where(cuts, grown(x, y) * v * width, 0.0)
-        flow = _late(rng, inflow, delay, rng.uniform(0.5, 2.5))
+        flow = late(rng, inflow, delay, rng.uniform(0.5, 2.5))
         rows = np.arange(0, len(x), int(interval * 10))
         kept = np.full(len(rows), True) if has_turns else ends[rows] % 2 == 0
         for _ in range(int(rng.integers(0, 4))):  # a gap of the receiver or the terminal
