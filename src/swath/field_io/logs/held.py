@@ -1,12 +1,14 @@
 """Channels at the moments of rows: how long a value holds, and which of several sources of a name counts."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.errors import InputError
 from swath.field_io.logs.channels import Channels, si_unit
 from swath.field_io.logs.columns import guess
 from swath.field_io.logs.frames import LATEST, MANY, Times
@@ -44,15 +46,17 @@ class Held:
 class _Column:
     """A channel on its way into rows. values, at: the last sample before each row, and when it was [ns]."""
 
-    values: Array
-    at: Times
+    rows: Times
     count: int = 0
     last: int = -LATEST
     steps: list[tuple[float, float]] = field(
         default_factory=list
     )  # of blocks: usual, and longest but a tenth
 
-    def take(self, rows: Times, t: Times, values: Array) -> None:
+    def __post_init__(self) -> None:
+        self.values, self.at = np.full(len(self.rows), np.nan), np.full(len(self.rows), -LATEST)
+
+    def take(self, t: Times, values: Array) -> None:
         """The next block of samples."""
         order = np.argsort(t, kind="stable")
         t, values = t[order], values[order]
@@ -61,43 +65,47 @@ class _Column:
         steps = np.diff(t, prepend=self.last) if self.count else np.diff(t)
         if len(steps):
             self.steps.append((float(np.median(steps)), float(np.quantile(steps, 0.9))))
-        begin = int(np.searchsorted(rows, t[0]))
-        which = np.searchsorted(t, rows[begin:], side="right") - 1
+        begin = int(np.searchsorted(self.rows, t[0]))
+        which = np.searchsorted(t, self.rows[begin:], side="right") - 1
         newer = t[which] >= self.at[begin:]
         self.values[begin:][newer], self.at[begin:][newer] = values[which][newer], t[which][newer]
         self.count, self.last = self.count + len(t), int(t[-1])
 
-    def stopped(self, rows: Times) -> NDArray[np.bool_]:
+    def stopped(self) -> NDArray[np.bool_]:
         """Rows at which a channel that comes steadily has not come for too long, shape (n,)."""
         usual, long = np.median(self.steps, axis=0) if self.steps else (0.0, np.inf)
         if self.count < FEWEST_STEADY or long > STEADY * usual:
-            return np.zeros(len(rows), bool)
-        return (self.count > 0) & (rows - self.at > max(OLDEST, PERIODS * usual)) & (rows >= self.at)
+            return np.zeros(len(self.rows), bool)
+        is_old: NDArray[np.bool_] = self.rows - self.at > max(OLDEST, PERIODS * usual)
+        return is_old & np.isfinite(self.values)
 
 
 def at_rows(
-    log: Channels, wanted: Mapping[str, Parts], rows: Times
+    log: Channels, wanted: Mapping[str, Parts], rows: Mapping[str, Times]
 ) -> tuple[dict[str, Array], dict[str, int]]:
-    """Values of names at the rows, and notes on those that stop: with how many rows."""
-    columns = {n: _Column(np.full(len(rows), np.nan), np.full(len(rows), -LATEST)) for n in wanted}
+    """Values of names, each at its rows, and notes on those that stop: with how many rows."""
+    columns = {name: _Column(rows[name]) for name in wanted}
     into = {part: (columns[name], factor) for name, parts in wanted.items() for part, factor in parts.items()}
     for name, t, values in log.blocks(into):
-        into[name][0].take(rows, t, values * into[name][1])
+        into[name][0].take(t, values * into[name][1])
     notes = {}
     for name, column in columns.items():
-        stopped = column.stopped(rows) & np.isfinite(column.values)
-        is_lost = stopped & (rows >= column.last) if log.is_held else stopped
+        stopped = column.stopped()
+        is_lost = stopped & (column.rows >= column.last) if log.is_held else stopped
         column.values[is_lost] = np.nan
-        if stopped.sum() > MANY * len(rows):
+        goes_on = stopped & np.r_[False, stopped[:-1]]  # not of the first row behind a pause of all
+        if goes_on.sum() > MANY * len(column.rows):
             then = "its last value holds" if stopped.sum() > is_lost.sum() else "not known there"
-            notes[f"lost: rows without {name}, which else comes steadily: {then}"] = int(stopped.sum())
+            notes[f"lost: rows without {name}, which else comes steadily: {then}"] = int(goes_on.sum())
     return {name: column.values for name, column in columns.items()}, notes
 
 
-def times_of(log: Channels, names: Collection[str]) -> Times:
+def times_of(log: Channels, names: Collection[str]) -> dict[str, Times]:
     """Times of channels, the first in each interval of SHORTEST."""
-    thinned = [t[np.unique(t // SHORTEST, return_index=True)[1]] for _, t, _ in log.blocks(names)]
-    return np.unique(np.concatenate([*thinned, np.zeros(0, np.int64)]))
+    found: dict[str, list[Times]] = {name: [np.zeros(0, np.int64)] for name in names}
+    for name, t, _ in log.blocks(names):
+        found[name].append(t[np.unique(t // SHORTEST, return_index=True)[1]])
+    return {name: np.unique(np.concatenate(times)) for name, times in found.items()}
 
 
 def shown_names(log: Channels) -> dict[str, str]:
@@ -112,35 +120,77 @@ def known_names(log: Channels) -> dict[str, str]:
     return {key: shown[c.column] for key, c in guess([*shown], log.path).columns.items()}
 
 
-def chosen(log: Channels, name: str, key: str, entry: Callable[[str], str]) -> tuple[Parts, tuple[str, ...]]:
-    """The channels that count for a name, and notes: of several sources one, or all where each begins when
-    the one before has ended.
+@dataclass
+class Chosen:
+    """Which channels count for names. refused: name -> why nothing decides."""
 
-    key: the quantity; entry: the line that chooses one. InputError where nothing decides between them.
-    """
-    if not (sources := log.sources.get(name)):
-        return {name: 1.0}, ()
-    symbol, own = si_unit(log.units[sources[0]]) or (log.units[sources[0]], 1.0)
-    units = {s: si_unit(log.units[s]) or (log.units[s], 1.0) for s in sources}
-    parts = {source: {source: factor / own} for source, (kind, factor) in units.items() if kind == symbol}
-    values = _beside(log, parts)
-    order = sorted(values or parts, key=lambda s: log.spans[s])
-    if all(log.spans[b][0] > log.spans[a][1] for a, b in pairwise(order)):
-        return {part: factor for s in order for part, factor in parts[s].items()}, ()
-    size = SIZE_M / abs(own) / (METRES if symbol == "rad" else 1.0) if key in PLACES else None
-    choice = choose(key, values, entry, size=size, file=log.path)
-    return parts[choice.name], choice.notes
+    parts: dict[str, Parts] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    refused: dict[str, InputError] = field(default_factory=dict)
+
+    def of(self, name: str) -> Parts:
+        """The channels of a name. InputError where it is refused."""
+        if name in self.refused:
+            raise self.refused[name]
+        return self.parts[name]
+
+    def add(self, log: Channels, names: Mapping[str, str], entry: Callable[[str, str], str]) -> None:
+        """Choose for names -> quantity: of several sources one, or all where each begins when the one before
+        has ended.
+
+        entry: (quantity, source) -> the line that chooses it
+        """
+        several: dict[str, dict[str, Parts]] = {}
+        for name in names:
+            sources = log.sources.get(name, [])
+            units = {s: si_unit(log.units[s]) or (log.units[s], 1.0) for s in sources}
+            alike = [s for s in sources if units[s][0] == units[sources[0]][0]]
+            several[name] = {s: {s: units[s][1] / units[sources[0]][1]} for s in alike}
+            self.parts[name] = several[name][alike[0]] if alike else {name: 1.0}
+        several = {name: of for name, of in several.items() if len(of) > 1}
+        parts = {source: own for of in several.values() for source, own in of.items()}
+        times = times_of(log, parts) if parts else {}
+        steps = {name: _step([times[source] for source in of]) for name, of in several.items()}
+        rows = {s: _behind([times[o] for o in of], steps[name]) for name, of in several.items() for s in of}
+        values = at_rows(log, parts, rows)[0] if parts else {}
+        for name, of in several.items():
+            if steps[name]:
+                for source in of:
+                    values[source][~_is_new(times[source], rows[source], steps[name])] = np.nan
+            held = {source: values[source] for source in of if np.isfinite(values[source]).any()}
+            order = sorted(held, key=lambda source: log.spans[source])
+            spans = [log.spans[source] for source in order]
+            if all(len(times[source]) >= FEWEST_STEADY for source in order[:-1]) and all(
+                later[0] > earlier[1] for earlier, later in pairwise(spans)
+            ):
+                one_by_one = {part: factor for source in order for part, factor in of[source].items()}
+                self.parts[name] = one_by_one or self.parts[name]
+                continue
+            symbol, unit = si_unit(log.units[next(iter(of))]) or ("", 1.0)
+            is_place = names[name] in PLACES
+            size = SIZE_M / abs(unit) / (METRES if symbol == "rad" else 1.0) if is_place else None
+            try:
+                choice = choose(names[name], held, partial(entry, names[name]), size=size, file=log.path)
+            except InputError as error:
+                self.refused[name] = error
+                continue
+            self.parts[name] = of[choice.name]
+            self.notes += choice.notes
 
 
-def _beside(log: Channels, sources: Mapping[str, Parts]) -> dict[str, Array]:
-    """Values of the sources that have one, as far as they are new, half a step behind each sample of any."""
-    times = {source: times_of(log, parts) for source, parts in sources.items()}
-    steps = [float(np.median(np.diff(t))) for t in times.values() if len(t) >= FEWEST_STEADY]
-    step = int(min(steps, default=0.0))
-    rows = np.unique(np.concatenate([*times.values()])) + step // 2
-    values = at_rows(log, sources, rows)[0]
-    for source, t in times.items():
-        if step and len(t):
-            last = t[np.maximum(np.searchsorted(t, rows, side="right") - 1, 0)]
-            values[source][rows - last > step] = np.nan
-    return {source: v for source, v in values.items() if np.isfinite(v).any()}
+def _step(times: Sequence[Times]) -> int:
+    """The usual interval of the fastest that comes steadily [ns], 0 where none does."""
+    return int(min((np.median(np.diff(t)) for t in times if len(t) >= FEWEST_STEADY), default=0.0))
+
+
+def _behind(times: Sequence[Times], step: int) -> Times:
+    """Half a step behind each sample of any."""
+    return np.unique(np.concatenate([*times])) + step // 2
+
+
+def _is_new(t: Times, rows: Times, step: int) -> NDArray[np.bool_]:
+    """Rows with a sample at most a step before them, shape (n,)."""
+    if not len(t):
+        return np.zeros(len(rows), bool)
+    is_new: NDArray[np.bool_] = rows - t[np.maximum(np.searchsorted(t, rows, side="right") - 1, 0)] <= step
+    return is_new

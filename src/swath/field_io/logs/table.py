@@ -8,7 +8,7 @@ import math
 import os
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, compress, islice
@@ -24,7 +24,7 @@ from swath.core.registry import installed, installed_part
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
 from swath.field_io.logs.channels import Channels, open_channels
 from swath.field_io.logs.columns import AG_LEADER, AG_LEADER_2000, unit_symbol
-from swath.field_io.logs.held import Held, Parts, at_rows, chosen, known_names, shown_names, times_of
+from swath.field_io.logs.held import Chosen, Held, at_rows, known_names, shown_names, times_of
 from swath.field_io.logs.shapefiles import has_shapefile, read_points
 from swath.field_io.task_data.isoxml import is_taskdata, read_taskdata
 from swath.field_io.trade import sheet_of
@@ -141,54 +141,41 @@ def _read_channels(log: Channels) -> Table:
     """A row at each sample of the position, else of the speed, else of the first channel that is known."""
     shown, known = shown_names(log), known_names(log)
     columns = {name: column for column, name in shown.items()}
-    keys = {name: key for key, name in known.items()}
     leader = next((known[key] for key in ("lat", "easting", "speed") if key in known), None)
-    leader = leader or next(iter(known.values()), next(iter(columns), ""))
+    leader = leader or next(iter(known.values()), next(iter(shown.values()), ""))
     if not leader:
         raise InputError("log", None, "expected channels of numbers", file=log.path)
-    notes: dict[str, None] = {}
+    columns, chosen = {name: column for column, name in shown.items()}, Chosen()
 
-    def parts_of(name: str) -> Parts:
-        key = keys.get(name, name)
-        parts, more = chosen(log, name, key, lambda source: f'{key}: {{column: "{columns[source]}"}}')
-        notes.update(dict.fromkeys(more))
-        return parts
+    def choose(names: Mapping[str, str]) -> None:
+        chosen.add(log, names, lambda key, source: f'{key}: {{column: "{columns[source]}"}}')
 
-    lead = parts_of(leader)
-    rows = times_of(log, lead)
+    choose({leader: leader, **{name: key for key, name in known.items()}})
+    lead = chosen.of(leader)
+    rows = np.unique(np.concatenate([*times_of(log, lead).values()]))
     kept: dict[str, Array] = {}
-    asked = {n: p for n in known.values() if (p := lead if n == leader else _unless_refused(parts_of, n))}
+    lost: dict[str, int] = {}
 
-    def read(name: str) -> Array:
+    def read(*names: str) -> None:
+        found, more = at_rows(log, {name: chosen.of(name) for name in names}, dict.fromkeys(names, rows))
+        kept.update(found)
+        lost.update(more)
+
+    def one(name: str) -> Array:
         if name not in kept:
-            wanted = {n: p for n, p in asked.items() if n not in kept} | {
-                name: asked.get(name) or parts_of(name)
-            }
-            found, lost = at_rows(log, wanted, rows)
-            kept.update(found)
-            notes.update(dict.fromkeys(f"{n} ({count})" for n, count in lost.items()))
+            if name not in chosen.parts:
+                choose({name: name})
+            read(name)
         return kept[name]
 
-    held: dict[str, Any] = {column: Held(name, read) for column, name in shown.items()}
+    held: dict[str, Any] = {column: Held(name, one) for column, name in shown.items()}
     if "time" not in known:
         held = {"time [s]": rows / 1e9, **held}
-    for needed in asked:
-        read(needed)
-    notes = {
-        f"form: a row at each sample of {leader}": None,
-        **dict.fromkeys(f"{n} ({count})" for n, count in log.notes.items()),
-        **notes,
-    }
+    read(*(name for name in known.values() if name not in chosen.refused))
+    counted = (f"{note} ({count})" for note, count in {**log.notes, **lost}.items())
+    notes = (f"form: a row at each sample of {leader}", *counted, *dict.fromkeys(chosen.notes))
     stated = None if log.lacking is None else len(rows) + sum(log.lacking.get(part, 0) for part in lead)
-    return Table(held, np.arange(1, len(rows) + 1), None, "", {}, tuple(notes), stated=stated)
-
-
-def _unless_refused(parts_of: Callable[[str], Parts], name: str) -> Parts | None:
-    """The channels of a name; None where several differ and it is refused when it is used."""
-    try:
-        return parts_of(name)
-    except InputError:
-        return None
+    return Table(held, np.arange(1, len(rows) + 1), None, "", {}, notes, stated=stated)
 
 
 def _read_isoxml(path: Path) -> Table:

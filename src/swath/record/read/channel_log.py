@@ -11,7 +11,7 @@ from typing import Any
 
 from swath.core.units import DEG
 from swath.field_io.logs.channels import Channels, si_unit
-from swath.field_io.logs.held import Parts, chosen, known_names
+from swath.field_io.logs.held import Chosen, known_names
 
 KIND = "channel "  # before the unit of a channel, as the type of its topic
 POSITION, POSITION_TYPE = "position", "sensor_msgs/msg/NavSatFix"
@@ -33,26 +33,17 @@ class ChannelLog:
             symbol, self._factors[name] = si_unit(unit) or (unit, 1.0)
             self._topics[name] = f"{KIND}{symbol}"
         self._keys = {name: key for key, name in known_names(channels).items()}
-        self._parts: dict[str, Parts] = {}
-        self._told: dict[str, int] = {}
+        self._chosen = Chosen()
         places = {name: k for name, k in self._keys.items() if k in ("lat", "lon", "elevation")}
         angles = [name for name in places if self._topics[name] == f"{KIND}rad"]
         self._place = places if len(angles) == 2 and POSITION not in self._topics else {}
         if self._place:
             self._topics[POSITION] = POSITION_TYPE
 
-    def _parts_of(self, name: str) -> Parts:
-        """The channels of a topic."""
-        if name not in self._parts:
-            key = self._keys.get(name, name)
-            self._parts[name], notes = chosen(self._channels, name, key, lambda source: f"topic {source}")
-            self._told |= dict.fromkeys(notes, 1)
-        return self._parts[name]
-
     @property
     def notes(self) -> dict[str, int]:
         """What was assumed or could not be read, with how often."""
-        return {**self._channels.notes, **self._told}
+        return {**self._channels.notes, **dict.fromkeys(self._chosen.notes, 1)}
 
     def forget_notes(self) -> None:
         """What is noted on opening stays."""
@@ -75,8 +66,10 @@ class ChannelLog:
         place = self._place if POSITION in {*wanted, *rest} else {}
         asked = ({*wanted} | rest | place.keys()) & self._factors.keys()
         into: dict[str, list[tuple[str, float]]] = {}
+        new = {name: self._keys.get(name, name) for name in sorted(asked - self._chosen.parts.keys())}
+        self._chosen.add(self._channels, new, lambda key, source: f"topic {source}")
         for name in sorted(asked):
-            for part, factor in self._parts_of(name).items():
+            for part, factor in self._chosen.of(name).items():
                 into.setdefault(part, []).append((name, factor * self._factors[name]))
         at: dict[str, float] = {}
         for t, part, number in self._channels.samples(into) if into else ():
