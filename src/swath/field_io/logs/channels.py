@@ -471,7 +471,7 @@ def _whole(path: Path, kind: str) -> Iterator[None]:
         raise
     except Exception as error:  # what a broken file raises depends on where it is broken
         raise InputError(
-            "log", path.name, f"expected a whole {kind} file: {reason_of(error)}", file=path
+            "damaged", path.name, f"expected a whole {kind} file: {reason_of(error)}", file=path
         ) from error
 
 

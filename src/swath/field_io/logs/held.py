@@ -77,7 +77,8 @@ class _Column:
         if self.count < FEWEST_STEADY or long > STEADY * usual:
             return np.zeros(len(self.rows), bool)
         is_old: NDArray[np.bool_] = self.rows - self.at > max(OLDEST, PERIODS * usual)
-        return is_old & np.isfinite(self.values)
+        is_old &= np.isfinite(self.values)
+        return is_old
 
 
 def at_rows(
