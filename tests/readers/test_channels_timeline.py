@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.field_io.logs.frames import BACK, Axis, GroupTimes
+from swath.field_io.logs.frames import BACK, Axis
 from swath.record.read.channel_log import ChannelLog
 from tests.readers.made_channels import (
     CHANNELS,
@@ -101,12 +101,8 @@ def test_one_axis_of_blocks_never_goes_back_and_keeps_steps(parts):
     assert (kept[~falls] == steps[~falls]).all()
     assert (kept[falls] > 0).all()
     blocks = [np.array(stamps[k : k + 7], np.int64) for k in range(0, len(stamps), 7)]
-    told = {}
-    times = GroupTimes({0: iter(blocks)}, lambda note, count: told.update({note: count}))
-    again = np.concatenate([*times.on_axis(block.copy() for block in blocks)])
-    np.testing.assert_array_equal(again, made)
-    assert sum(told.values()) == falls.sum()
-    assert times.counts == {0: len(stamps)}
+    for again in (Axis(), Axis(axis.shifts, is_one_by_one=True)):
+        np.testing.assert_array_equal(np.concatenate([again.times(1, block) for block in blocks]), made)
 
 
 def test_a_value_holds_to_the_next_one_of_its_channel(tmp_path):

@@ -29,7 +29,7 @@ from swath.documents.formula import computed
 from swath.documents.j1939 import TRANSPORT, TRANSPORT_DATA, Transport, dbc_file, parse, value_of
 from swath.documents.text_file import read_bytes
 from swath.field_io.logs.columns import unit_symbol
-from swath.field_io.logs.frames import LATEST, MANY, Frame, GroupTimes, Tell, Times, logged
+from swath.field_io.logs.frames import LATEST, MANY, Axis, Frame, Tell, Times, logged
 
 Array = NDArray[np.float64]
 Block = tuple[str, Times, Array]  # channel, times [ns] since the log began, values in its unit
@@ -208,13 +208,12 @@ class Mf4:
                     if len(places) > 1:
                         self.sources.setdefault(name, []).append(full)
             groups = dict.fromkeys(group for group, _ in self._places.values())
-            self._times = _times(mdf, groups, lambda note, count: self.notes.update({note: count}))
-            there = self._times.counts
+            self._about = _groups_of(mdf, groups, lambda note, count: self.notes.update({note: count}))
             self.lacking: dict[str, int] | None = {
-                n: _count(mdf, group) - there[group] for n, (group, _) in self._places.items()
+                name: self._about.lacking[group] for name, (group, _) in self._places.items()
             }
         never = (NEVER, NEVER)
-        self.spans = {name: self._times.spans.get(group, never) for name, (group, _) in self._places.items()}
+        self.spans = {name: self._about.spans.get(group, never) for name, (group, _) in self._places.items()}
         known = [span for span in self.spans.values() if span != never]
         self.begin = min((begin for begin, _ in known), default=0)
         self.end = max((end for _, end in known), default=0)
@@ -248,7 +247,7 @@ class Mf4:
             mdf.iter_get(group=group, index=k, samples_only=True, raw=True) for _, k in channels.values()
         ]
         words: dict[str, int] = Counter()
-        for t, *signals in zip(self._times.on_axis(_masters(mdf, group)), *parts, strict=True):
+        for t, *signals in zip(self._about.times(mdf, group), *parts, strict=True):
             known, rows = t <= LATEST, []
             for name, (raw, invalid) in zip(channels, signals, strict=True):
                 values, is_word = _numbers(raw, mdf.groups[group].channels[channels[name][1]].conversion)
@@ -281,28 +280,47 @@ def _numbers(raw: Any, conversion: Any) -> tuple[Array, NDArray[np.bool_]]:
     return np.array([np.nan if isinstance(v, bytes | str) else v for v in values], float), is_word
 
 
-def _masters(mdf: Any, group: int) -> Iterator[Times]:
-    """Times of a group, block by block."""
+@dataclass(frozen=True)
+class _Groups:
+    """Groups of an MF4 file on one axis of time.
+
+    lacking: records of each that are stated and not there; spans: first and last time of those with one [ns]
+    """
+
+    shifts: list[int]
+    lacking: dict[int, int]
+    spans: dict[int, tuple[int, int]]
+
+    def times(self, mdf: Any, group: int) -> Iterator[Times]:
+        """Times of a group, block by block."""
+        axis = Axis(self.shifts, is_one_by_one=True)
+        return (axis.times(group, stamps) for stamps in _stamps(mdf, group))
+
+
+def _stamps(mdf: Any, group: int) -> Iterator[Times]:
     index = mdf.masters_db.get(group, 0)
     return (_ns(signal.timestamps) for signal in mdf.iter_get(group=group, index=index, raw=True))
 
 
-def _times(mdf: Any, groups: Iterable[int], tell: Tell) -> GroupTimes:
-    """Times of groups on one axis; what is not there of their records is told."""
-    late = [0]
-
-    def counted(group: int) -> Iterator[Times]:
-        for t in _masters(mdf, group):
-            late[0] += int((t > LATEST).sum())
-            yield t
-
-    times = GroupTimes({group: counted(group) for group in groups}, tell)
-    stated, there = sum(_count(mdf, group) for group in groups), sum(times.counts.values())
-    if there < (1.0 - MANY) * stated:
-        tell(f"lost: {stated:,} records are stated, {there:,} are there", stated - there)
-    if late[0]:
-        tell(TOO_LATE, late[0])
-    return times
+def _groups_of(mdf: Any, groups: Iterable[int], tell: Tell) -> _Groups:
+    """Look through groups; what is not there of them is told."""
+    axis, late = Axis(is_one_by_one=True), 0
+    lacking = {group: _count(mdf, group) for group in groups}
+    stated = sum(lacking.values())
+    spans: dict[int, tuple[int, int]] = {}
+    for group in lacking:
+        for stamps in _stamps(mdf, group):
+            lacking[group] -= len(stamps)
+            times = axis.times(group, stamps)
+            late += int((times > LATEST).sum())
+            if len(times := times[times <= LATEST]):
+                spans[group] = spans.get(group, (int(times[0]), 0))[0], int(times[-1])
+    axis.tell(tell)
+    if (lost := sum(lacking.values())) > MANY * stated:
+        tell(f"lost: records of {stated:,} that are stated", lost)
+    if late:
+        tell(TOO_LATE, late)
+    return _Groups(axis.shifts, lacking, spans)
 
 
 @dataclass(frozen=True)
@@ -537,15 +555,15 @@ def _in_mf4(path: Path, tell: Tell) -> Iterator[Frame]:
         places = dict(mdf.channels_db[BUS])
         if places.keys() & {group for group, _ in _without_arithmetic(mdf)}:
             raise InputError("log", BUS, f"expected plain frames, {NO_ARITHMETIC}", file=path)
-        times = _times(mdf, places, tell)
+        about = _groups_of(mdf, places, tell)
         yield from merge(
-            *(_of_group(mdf, group, index, times) for group, index in places.items()), key=lambda f: f[0]
+            *(_of_group(mdf, group, index, about) for group, index in places.items()), key=lambda f: f[0]
         )
 
 
-def _of_group(mdf: Any, group: int, index: int, times: GroupTimes) -> Iterator[Frame]:
-    axis = times.on_axis(_masters(mdf, group))
-    for signal, t in zip(mdf.iter_get(group=group, index=index, samples_only=True), axis, strict=True):
+def _of_group(mdf: Any, group: int, index: int, about: _Groups) -> Iterator[Frame]:
+    times = about.times(mdf, group)
+    for signal, t in zip(mdf.iter_get(group=group, index=index, samples_only=True), times, strict=True):
         samples = signal[0]
         part = {name.removeprefix(f"{BUS}."): samples[name] for name in samples.dtype.names}
         lengths = part.get("DataLength", np.full(len(samples), 8))

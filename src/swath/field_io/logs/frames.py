@@ -3,7 +3,7 @@
 import os
 import re
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import TextIOWrapper
 from pathlib import Path
 from types import SimpleNamespace
@@ -39,10 +39,14 @@ _STAMP = re.compile(r"\d+\.\d+(?=\s)", re.ASCII)
 class Axis:
     """One axis of time for sources whose clocks begin again at 0, or are set back: what follows is put BACK
     behind what was before.
+
+    shifts: of the times between two falls [ns], as an earlier pass has found them; then, as for sources that
+    stand one behind the other, each source begins with the first of them
     """
 
-    def __init__(self) -> None:
-        self._shifts = [0]
+    def __init__(self, shifts: Sequence[int] = (0,), *, is_one_by_one: bool = False) -> None:
+        self.shifts = [*shifts]
+        self._is_one_by_one = is_one_by_one
         self._latest = -LATEST
         self._last: dict[int, tuple[int, int]] = {}  # source -> its last stamp, and which shift it has
 
@@ -50,71 +54,31 @@ class Axis:
         """A stamp of a source [ns] on it, in the order of the file; one that no file can mean stays."""
         if abs(stamp) > LATEST:
             return stamp
-        last, run = self._last.get(source, (stamp, len(self._shifts) - 1))
+        begin = 0 if self._is_one_by_one else len(self.shifts) - 1
+        last, run = self._last.get(source, (stamp, begin))
         if stamp < last - BACK:
             run += 1
-            if run == len(self._shifts):
-                self._shifts.append(_within(self._latest + BACK - stamp))
+            if run == len(self.shifts):
+                self.shifts.append(_within(self._latest + BACK - stamp))
         self._last[source] = stamp, run
-        t = stamp + self._shifts[run]
+        t = stamp + self.shifts[run]
         self._latest = max(self._latest, t)
         return t
 
+    def times(self, source: int, stamps: Times) -> Times:
+        """As `time`, of the next block of a source."""
+        made, known = stamps.copy(), np.flatnonzero(stamps <= LATEST)
+        for part in np.split(known, np.flatnonzero(np.diff(stamps[known]) < -BACK) + 1):
+            if len(part):
+                made[part] += self.time(source, int(stamps[part[0]])) - stamps[part[0]]
+                self._last[source] = int(stamps[part[-1]]), self._last[source][1]
+                self._latest = max(self._latest, int(made[part[-1]]))
+        return made
+
     def tell(self, tell: Tell) -> None:
         """Note what was put where."""
-        if len(self._shifts) > 1:
-            tell(f"timeline: {BEGINS_AGAIN}", len(self._shifts) - 1)
-
-
-class GroupTimes:
-    """Times of the groups of a file [ns], each in blocks, on one axis as `Axis` makes it.
-
-    counts: records of each group; spans: its first and last time
-    """
-
-    def __init__(self, groups: dict[int, Iterator[Times]], tell: Tell) -> None:
-        parts = {group: _runs(blocks) for group, blocks in groups.items()}
-        self.counts = {group: count for group, (_, count) in parts.items()}
-        runs = {group: found for group, (found, _) in parts.items() if found}
-        self._shifts = [0]
-        for k in range(1, max((len(found) for found in runs.values()), default=0)):
-            latest = max(found[k - 1][1] for found in runs.values() if len(found) >= k) + self._shifts[-1]
-            first = min(found[k][0] for found in runs.values() if len(found) > k)
-            self._shifts.append(_within(latest + BACK - first))
-        self.spans = {g: (f[0][0], f[-1][1] + self._shifts[len(f) - 1]) for g, f in runs.items()}
-        if len(self._shifts) > 1:
-            tell(f"timeline: {BEGINS_AGAIN}", len(self._shifts) - 1)
-
-    def on_axis(self, blocks: Iterator[Times]) -> Iterator[Times]:
-        """Times of a group, block by block; those that no file can mean stay NEVER."""
-        last, run = None, 0
-        for t in blocks:
-            known = t <= LATEST
-            if known.any():
-                runs = run + np.cumsum(_falls(t[known], last))
-                last, run = int(t[known][-1]), int(runs[-1])
-                t[known] += np.array(self._shifts)[runs]
-            yield t
-
-
-def _falls(t: Times, last: int | None) -> NDArray[np.bool_]:
-    """Where times fall behind the one before, shape (n,)."""
-    return np.diff(t, prepend=t[0] if last is None else last) < -BACK
-
-
-def _runs(blocks: Iterator[Times]) -> tuple[list[list[int]], int]:
-    """First and last of the times between which none falls back, and how many there are of all."""
-    runs: list[list[int]] = []
-    count = 0
-    for block in blocks:
-        count += len(block)
-        if len(t := block[block <= LATEST]):
-            goes_on, *others = np.split(t, np.flatnonzero(_falls(t, runs[-1][1] if runs else None)))
-            if runs and len(goes_on):
-                runs[-1][1] = int(goes_on[-1])
-                goes_on = goes_on[:0]
-            runs += [[int(part[0]), int(part[-1])] for part in (goes_on, *others) if len(part)]
-    return runs, count
+        if len(self.shifts) > 1:
+            tell(f"timeline: {BEGINS_AGAIN}", len(self.shifts) - 1)
 
 
 def _within(shift: int) -> int:
