@@ -121,3 +121,25 @@ def test_many_groups_of_one_name_have_names_of_their_own(tmp_path):
     path = mf4(tmp_path / "log.mf4", group(), *[group(["Speed"]) for _ in range(3)])
     log = opened(path)
     assert log.sources["Speed"] == ["0.Speed", "1.Speed", "2.Speed", "3.Speed"]
+
+
+def test_senders_of_one_group_are_sources_and_one_without_a_number_is_none(tmp_path):
+    """On ISO 11783: a receiver and its display say the position, one of two controllers the speed."""
+    from swath.field_io.logs.table import read_table
+    from tests.record.test_channels import frames as isobus
+
+    def sent():
+        for k in range(60):
+            at, place = float(k), {"Latitude": 52.0 + 2e-5 * k, "Longitude": -9.0}
+            yield at, "VehiclePosition", 0x1C, place
+            yield at + 0.01, "VehiclePosition", 0x80, place
+            yield at + 0.02, "WheelBasedSpeedAndDistance", 0xF0, {"WheelBasedSpeed": 2.0}
+            yield at + 0.03, "WheelBasedSpeedAndDistance", 0x1C, {}
+
+    path = isobus(tmp_path / "bus.blf", sent())
+    log = opened(path)
+    assert log.sources["Latitude"] == ["Latitude@1C", "Latitude@80"]
+    table = read_table(path)
+    speed = next(name for name in table.columns if name.startswith("WheelBasedSpeed ["))
+    assert set(table.numbers(speed)[1:]) == {2.0}
+    assert {note.partition(":")[0] for note in table.notes} == {"form", "copies"}
