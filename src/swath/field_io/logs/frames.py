@@ -59,10 +59,10 @@ class Axis:
         if stamp < last - BACK:
             run += 1
             if run == len(self.shifts):
-                self.shifts.append(_within(self._latest + BACK - stamp))
+                self.shifts.append(self._latest + BACK - stamp)
         self._last[source] = stamp, run
         t = stamp + self.shifts[run]
-        self._latest = max(self._latest, t)
+        self._reach(t)
         return t
 
     def times(self, source: int, stamps: Times) -> Times:
@@ -70,21 +70,22 @@ class Axis:
         made, known = stamps.copy(), np.flatnonzero(stamps <= LATEST)
         for part in np.split(known, np.flatnonzero(np.diff(stamps[known]) < -BACK) + 1):
             if len(part):
-                made[part] += self.time(source, int(stamps[part[0]])) - stamps[part[0]]
+                first = int(stamps[part[0]])
+                shift = self.time(source, first) - first
                 self._last[source] = int(stamps[part[-1]]), self._last[source][1]
-                self._latest = max(self._latest, int(made[part[-1]]))
+                self._reach(int(stamps[part].max()) + shift)
+                made[part] += shift
         return made
+
+    def _reach(self, t: int) -> None:
+        if t > LATEST:
+            raise ValueError("stamps that fall back over and over")
+        self._latest = max(self._latest, t)
 
     def tell(self, tell: Tell) -> None:
         """Note what was put where."""
         if len(self.shifts) > 1:
             tell(f"timeline: {BEGINS_AGAIN}", len(self.shifts) - 1)
-
-
-def _within(shift: int) -> int:
-    if abs(shift) > LATEST:
-        raise ValueError("stamps that fall back over and over")
-    return shift
 
 
 def logged(path: Path, tell: Tell, *, is_text: bool) -> Iterator[Frame]:
