@@ -103,13 +103,12 @@ def cut(path: Path, share: float) -> None:
 
 
 def shapefile(folder: Path, sheet: Sheet, name: str) -> Path:
-    """how: torn: the geometry is cut, fewer: the table is."""
+    """A folder of that name. how: torn (share that is left), torn_part (ending of the file that is cut)."""
     columns = {c.name: [float(v) for v in c.values] if c.is_number else c.values for c in sheet.columns}
     path = shapes(folder / name, sheet, columns)
     if "torn" in sheet.how:
-        ending = sheet.how.get("torn_part", ".shp")
-        cut(path.with_suffix(ending), sheet.how["torn"])
-    return path
+        cut(path.with_suffix(sheet.how["torn_part"]), sheet.how["torn"])
+    return folder / name
 
 
 def geojson(folder: Path, sheet: Sheet, name: str) -> Path:
