@@ -131,7 +131,8 @@ def columns(axes: Axes, records: Records) -> Sheet:
             Column("lon", named("lon", "", style), "deg", lon),
         ]
         made += pair if rng.integers(2) else pair[::-1]
-    clocks = ["seconds", "ISO", "none", "ms since 1970"]
+    clocks = ["seconds", "ISO", "ms since 1970"]
+    clocks += [] if axes.chosen.get("sections") else ["none"]  # who writes sections writes when
     clocks += ["date and time", "HHMMSS", "12 hours"] if axes.chosen["interval"] >= 1.0 else []
     clock = axes.pick("clock", clocks) if form in TABLES else "of the format"
     optional = {"speed": 0.6, "distance": 0.4, "duration": 0.3, "elevation": 0.5, "course": 0.2}

@@ -187,7 +187,7 @@ def _tear(job: Job, part: str = ".shp") -> None:
     share = job.axes.within(0.6, 0.92)
     job.sheet.how |= {"torn": share, "torn_part": part}
     job.area = None
-    job.is_known &= job.is_("format", "csv") and not job.sheet.how.get("packed")
+    job.is_known &= job.is_("format", "csv")
     job.records = job.records.take(np.arange(len(job.records.t)) < share * len(job.records.t))
 
 
