@@ -103,13 +103,12 @@ def cut(path: Path, share: float) -> None:
 
 
 def shapefile(folder: Path, sheet: Sheet, name: str) -> Path:
-    """how: torn: the geometry is cut, fewer: the table is."""
+    """A folder of that name. how: torn (share that is left), torn_part (ending of the file that is cut)."""
     columns = {c.name: [float(v) for v in c.values] if c.is_number else c.values for c in sheet.columns}
     path = shapes(folder / name, sheet, columns)
     if "torn" in sheet.how:
-        ending = sheet.how.get("torn_part", ".shp")
-        cut(path.with_suffix(ending), sheet.how["torn"])
-    return path
+        cut(path.with_suffix(sheet.how["torn_part"]), sheet.how["torn"])
+    return folder / name
 
 
 def geojson(folder: Path, sheet: Sheet, name: str) -> Path:
@@ -131,17 +130,12 @@ def _plain(value: Any) -> Any:
 
 
 def isoxml(folder: Path, sheet: Sheet, name: str) -> Path:
-    """One task with one time log."""
-    crop = sheet.how.get("crop")
-    crops, grows = (f'<CTP A="CTP1" B="{crop}"/>', ' G="CTP1"') if crop else ("", "")
-    task_data(folder / name, crops=crops, tasks=[("PFD1", ["TLG00001"])],
-              fields=f'<PFD A="PFD1" C="North" D="10000"{grows}/>',
-              device=COMBINE)  # fmt: skip
-    kinds = [(c, *DDI[c.key]) for c in sheet.columns if c.key in DDI]
+    """One task. how: logs (number of time logs, one after the other), twice (each is there twice)."""
+    how, kinds = sheet.how, [(c, *DDI[c.key]) for c in sheet.columns if c.key in DDI]
+    crops, grows = (f'<CTP A="CTP1" B="{how["crop"]}"/>', ' G="CTP1"') if how.get("crop") else ("", "")
     listed = "".join(
         f'<DLV A="{ddi:04X}" B="" C="{"DET-1" if c.key == "speed" else "DET-2"}"/>' for c, ddi, _ in kinds
     )
-    (folder / name / "TLG00001.xml").write_text(f'<TIM A="" D="4"><PTN A="" B="" C="" D=""/>{listed}</TIM>')
     heights = sheet.of("elevation")
     made = []
     for i, t in enumerate(sheet.time):
@@ -149,14 +143,23 @@ def isoxml(folder: Path, sheet: Sheet, name: str) -> Path:
         ms = round((when - datetime(when.year, when.month, when.day)).total_seconds() * 1000)
         up = 0.0 if heights is None else float(heights.values[i])
         days, place = (when - datetime(1980, 1, 1)).days, (sheet.lat[i] * 1e7, sheet.lon[i] * 1e7, up * 1e3)
-        made.append(struct.pack("<IHiiiB", ms, days, *map(round, map(float, place)), 4))
         values = [(k, c.values[i] * scale) for k, (c, _, scale) in enumerate(kinds)]
         values = [(k, round(float(v))) for k, v in values if np.isfinite(v)]
-        made.append(bytes([len(values)]) + b"".join(struct.pack("<Bi", k, v) for k, v in values))
-    path = folder / name / "TLG00001.bin"
-    path.write_bytes(b"".join(made))
-    if "torn" in sheet.how:
-        cut(path, sheet.how["torn"])
+        made.append(struct.pack("<IHiiiB", ms, days, *map(round, map(float, place)), 4) + bytes([len(values)])
+                    + b"".join(struct.pack("<Bi", k, v) for k, v in values))  # fmt: skip
+    parts = [
+        made[part[0] : part[-1] + 1] for part in np.array_split(np.arange(len(made)), how.get("logs", 1))
+    ]
+    parts *= 2 if how.get("twice") else 1
+    names = [f"TLG{k + 1:05d}" for k in range(len(parts))]
+    task_data(folder / name, crops=crops, fields=f'<PFD A="PFD1" C="North" D="10000"{grows}/>',
+              device=COMBINE, tasks=[("PFD1", names)])  # fmt: skip
+    head = f'<TIM A="" D="4"><PTN A="" B="" C="" D=""/>{listed}</TIM>'
+    for log, part in zip(names, parts, strict=True):
+        (folder / name / f"{log}.xml").write_text(head)
+        (folder / name / f"{log}.bin").write_bytes(b"".join(part))
+    if "torn" in how:
+        cut(folder / name / f"{names[-1]}.bin", how["torn"])
     return folder / name
 
 
@@ -242,8 +245,7 @@ def _sent(
 
 
 def _dbc(folder: Path, sheet: Sheet, name: str, text: str) -> None:
-    comment = f'CM_ "{sheet.how["comment"]}";\n' if "comment" in sheet.how else ""
-    (folder / f"{name}.dbc").write_text(text + comment, encoding="utf-8" if comment else "ascii")
+    (folder / f"{name}.dbc").write_text(text, encoding=sheet.how.get("encoding", "ascii"))
 
 
 def asc(folder: Path, sheet: Sheet, name: str) -> Path:
