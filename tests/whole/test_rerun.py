@@ -50,7 +50,7 @@ def test_sensors_and_motion_from_the_log_leave_the_rest_as_it_was(recorded, tmp_
     assert summary["digest"] == before["digest"]  # the played slots too
     assert summary["edge_rmse_m"] == before["edge_rmse_m"]
     assert summary["simulated_s"] == before["simulated_s"]
-    assert any("lidar: plays combine.lidar of" in note for note in summary["notes"])
+    assert any("lidar: form: plays combine.lidar of" in note for note in summary["notes"])
 
 
 TOGETHER = (
