@@ -151,7 +151,8 @@ class BagLog:
                 return
             is_packed = _bounded(reader, self.path)
             records = iter(reader.messages(connections=connections))
-            stated, count = sum(c.msgcount for c in connections), 0
+            counts = [c.msgcount for c in connections]
+            stated, count = sum(own_count for own_count in counts), 0
             while True:
                 try:
                     connection, reached, data = next(records)

@@ -53,7 +53,7 @@ class Rosbag1(McapLog):
     def _stated(self) -> int:
         with open_to_read(self.path, "recording", "a recording") as file:
             index = _index(file)
-        return 0 if index is None else sum(count for *_, count in index[1])
+        return 0 if index is None else sum(message_count for *_, message_count in index[1])
 
     def _entries(self, file: Any) -> Iterator[Any]:
         """Schemas, channels and (channel number, log time, data) of messages, as MCAP would have them."""
@@ -104,7 +104,7 @@ def _index(file: Any) -> tuple[list[Any], list[Span]] | None:
             first, last = (_time(header[name]) for name in (b"start_time", b"end_time"))
             counts_of = struct.iter_unpack("<II", body[: len(body) // 8 * 8])  # connection, messages of it
             place = int.from_bytes(header[b"chunk_pos"], "little")
-            spans.append((first, last, place, sum(count for _, count in counts_of)))
+            spans.append((first, last, place, sum(own_count for _, own_count in counts_of)))
     return (declared, spans) if [len(declared) // 2, len(spans)] == counts else None
 
 
