@@ -212,8 +212,8 @@ def test_sentences_that_come_late_or_broken_are_left_out_and_told():
             found += part.step(len(found) * NS, NS, {}).values()
         part.close()
     notes = "\n".join(part.notes)
-    assert "2 positions came late and were left out" in notes
-    assert "2 lines were no sentence" in notes
+    assert "timeline: positions that came late and were left out (2)" in notes
+    assert "damaged: lines that were no sentence (2)" in notes
     assert "4 samples from nmea" in notes  # the first two came before the run began
 
 

@@ -189,7 +189,7 @@ def test_what_a_sentence_does_not_say_is_not_known(name, body, said):
     assert listener.wrong == 0
     for field, value in said.items():
         assert getattr(listener.epoch, field) == pytest.approx(value, abs=1e-3, nan_ok=True)
-    is_said = "positions without a height above the ellipsoid" in listener.unknown
+    is_said = "heights: positions without a height above the ellipsoid" in listener.unknown
     assert is_said == math.isnan(listener.epoch.height)
 
 

@@ -158,7 +158,7 @@ def test_gaps_are_told(tmp_path):
     part = player(path, "motion", {"state": "/odom"})
     played = play(part, 60.0)
     assert next(t for t, o in played if not o) == round(3.02 * NS)
-    assert any("motion.state: 1 gaps in the log, the longest 2.00 s at 3.00 s" in n for n in part.notes)
+    assert any("motion.state: lost: 1 gaps in the log, the longest 2.00 s at 3.00 s" in n for n in part.notes)
     quiet = player(path, "motion", {"state": "/odom"}, gap_s=3.0)
     play(quiet, 60.0)
     assert not any("gaps in the log" in n for n in quiet.notes)

@@ -145,7 +145,7 @@ def test_a_formula_that_is_no_arithmetic_does_nothing(tmp_path, nesting):
     acted = tmp_path / "ACTED"
     log = open_channels(with_formula(tmp_path / "a.mf4", nesting, ACT.format(acted)))
     assert list(log.units) == ["plain"]
-    assert [note for note in log.notes if note.startswith("made is left out: its conversion")]
+    assert [note for note in log.notes if note.startswith("unused: made is left out: its conversion")]
     for _ in log.blocks({"plain", "made"}):
         pass
     assert not acted.exists()
@@ -269,9 +269,9 @@ def test_frames_of_an_isobus(tmp_path, kind):
 
 def test_which_database_decodes_is_said_or_asked(tmp_path):
     path = frames(tmp_path / "bus.blf", drive(3))
-    assert "frames decoded by guidance.dbc" in open_channels(path).notes
+    assert "form: frames decoded by guidance.dbc" in open_channels(path).notes
     (tmp_path / "one.dbc").write_text(dbc_file().read_text())
-    assert "frames decoded by one.dbc" in open_channels(path).notes
+    assert "form: frames decoded by one.dbc" in open_channels(path).notes
     (tmp_path / "two.dbc").write_text("BO_ 1 Empty: 8 X\n")
     with pytest.raises(InputError, match=r"database = one.dbc, two.dbc: expected one of them named bus.dbc"):
         open_channels(path)
@@ -362,7 +362,7 @@ def test_a_message_of_several_frames_is_put_together(tmp_path, size):
     found = {name: values.tolist() for name, _, values in log.blocks(log.units)}
     assert found == {f"Last@{source:02X}": [0.5 * speeds[source]] for source in range(3)}
     assert log.units["Last@00"] == "km/h"
-    assert log.notes["messages of several frames that lack one"] == 1
+    assert log.notes["lost: messages of several frames that lack one"] == 1
 
 
 @pytest.mark.parametrize("version", ["2.14", "3.30"])
@@ -400,5 +400,5 @@ def test_samples_of_another_century_are_left_out_and_counted(late, tmp_path):
     ((_, times, values),) = log.blocks(["Speed"])
     assert times.tolist() == [0, 10**9, 2 * 10**9]
     assert values.tolist() == [0.0, 1.0, 2.0]
-    assert log.notes == {"samples more than 146 years from the first, left out": 1}
-    assert (log.begin, log.end) == (0, 0)  # the last one says nothing
+    assert log.notes == {"timeline: samples more than 146 years from the first, left out": 1}
+    assert (log.begin, log.end) == (0, 2 * 10**9)

@@ -50,7 +50,7 @@ def test_sensors_and_motion_from_the_log_leave_the_rest_as_it_was(recorded, tmp_
     assert summary["digest"] == before["digest"]  # the played slots too
     assert summary["edge_rmse_m"] == before["edge_rmse_m"]
     assert summary["simulated_s"] == before["simulated_s"]
-    assert any("lidar: plays combine.lidar of" in note for note in summary["notes"])
+    assert any("lidar: form: plays combine.lidar of" in note for note in summary["notes"])
 
 
 TOGETHER = (
@@ -107,7 +107,7 @@ def test_a_cut_log_ends_the_run_where_it_ends(recorded, tmp_path):
     ended = [n for n in summary["notes"] if "ended at" in n]
     assert len(ended) == 1
     assert summary["ended"] == {"reason": "log_over", "text": ended[0]}
-    [cut] = [n for n in summary["notes"] if "lidar: recording broke off after" in n]
+    [cut] = [n for n in summary["notes"] if "lidar: damaged: recording broke off after" in n]
     list(log.messages(log.topics()))
     assert next(iter(log.notes)) in cut
 

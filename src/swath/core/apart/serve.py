@@ -115,7 +115,8 @@ def _may_read(path: Any) -> bool:
 
 
 def _attributes(value: Any) -> dict[str, Any]:
-    return {name: getattr(value, name) for name in ("path", "notes", "units", "begin", "end")
+    names = ("path", "notes", "units", "begin", "end", "sources", "spans", "lacking", "is_held")
+    return {name: getattr(value, name) for name in names
             if not callable(getattr(value, name, None)) and hasattr(value, name)}  # fmt: skip
 
 

@@ -8,15 +8,14 @@ Messages of several frames (J1939 transport) are put together, at the time of th
 import os
 import re
 import sys
-import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from heapq import merge
-from io import BytesIO, TextIOWrapper
+from io import BytesIO
 from pathlib import Path
 from traceback import walk_tb
-from types import SimpleNamespace
 from typing import Any, Protocol
 
 import numpy as np
@@ -28,21 +27,28 @@ from swath.core.files.read_file import open_to_read
 from swath.core.units import UNITS, Unit
 from swath.documents.formula import computed
 from swath.documents.j1939 import TRANSPORT, TRANSPORT_DATA, Transport, dbc_file, parse, value_of
-from swath.documents.packed import most_unpacked
 from swath.documents.text_file import read_bytes
 from swath.field_io.logs.columns import unit_symbol
+from swath.field_io.logs.frames import LATEST, MANY, Axis, Frame, Tell, Times, logged
 
 Array = NDArray[np.float64]
-Block = tuple[str, NDArray[np.int64], Array]  # channel, times [ns] since the log began, values in its unit
-Frame = tuple[int, int, bool, bytes]  # time [ns] since the log began, identifier, whether of 29 bits, data
+Block = tuple[str, Times, Array]  # channel, times [ns] since the log began, values in its unit
 FRAGMENT = 4 << 20  # bytes of an MF4 file in memory at a time
-LATEST, NEVER = 1 << 62, 3 << 61  # [ns]: 146 years; what stands for later times
-TOO_LATE = "samples more than 146 years from the first, left out"
+NEVER = 3 << 61  # [ns]: what stands for times after LATEST
+TOO_LATE = "timeline: samples more than 146 years from the first, left out"
 FRAMES = 1 << 16  # decoded frames in memory at a time
 VARIABLES = ("X", "P1", "P2", "P3", "P4", "P5", "P6")  # of conversions, as asammdf calls them
 NO_ARITHMETIC = "its conversion, or that of its time, is a formula other than arithmetic"
+Key = tuple[int, int, bool]  # of frames: bus, identifier, whether it has 29 bits
 BUS = "CAN_DataFrame"  # channel of frames in an MF4 file (ASAM MDF bus logging)
-MAGIC = {b"MDF     ": "MF4", b"UnFinMF ": "MF4", b"LOGG": "BLF", b"date ": "ASC"}
+MAGIC = {
+    b"MDF     ": "MF4",
+    b"UnFinMF ": "MF4",
+    b"LOGG": "BLF",
+    b"date ": "ASC",
+    b"base hex": "ASC",
+    b"base dec": "ASC",
+}
 RIGHT = " right"  # after the unit of a number that counts to the right, where it counts to the left here
 LONGEST = 1785  # bytes of a message: of the transport protocol of SAE J1939-21
 _LENGTHS = re.compile(
@@ -59,6 +65,10 @@ class Channels(Protocol):
     """A measurement. units: channel -> unit as the file says it, '' where it says none.
 
     begin, end: first and last time [ns]; notes: what was assumed or could not be read, with how often
+    sources: name -> the channels that say it, where several groups, buses or senders do
+    spans: channel -> times of its first and last sample [ns]
+    lacking: channel -> records that the file states of it and does not have; None where it states none
+    is_held: a value holds until the next one, however long that takes
     """
 
     path: Path
@@ -66,6 +76,10 @@ class Channels(Protocol):
     begin: int
     end: int
     notes: dict[str, int]
+    sources: dict[str, list[str]]
+    lacking: dict[str, int] | None
+    spans: dict[str, tuple[int, int]]
+    is_held: bool
 
     def blocks(self, wanted: Collection[str]) -> Iterator[Block]:
         """The samples of some channels, those of each in the order of time."""
@@ -167,35 +181,42 @@ def _mdf(path: Path) -> Iterator[Any]:
 class Mf4:
     """Channels of an MF4 file that are plain numbers; masters, texts and arrays are left out."""
 
+    is_held = True
+
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.notes: dict[str, int] = {}
+        self.notes: dict[str, int] = Counter()
         self.units: dict[str, str] = {}
+        self.sources: dict[str, list[str]] = {}
         self._places: dict[str, tuple[int, int]] = {}
-        starts, ends = [0], [0]
         with _mdf(path) as mdf:
             masters = set(mdf.masters_db.items())
             wrong = _without_arithmetic(mdf)
             lost = {group for group, index in masters if (group, index) in wrong}
             for name, of_name in mdf.channels_db.items():
                 if any(place in wrong or place[0] in lost for place in of_name):
-                    self.notes[f"{name} is left out: {NO_ARITHMETIC}"] = 1
+                    self.notes[f"unused: {name} is left out: {NO_ARITHMETIC}"] = 1
                 kept = [p for p in of_name if p not in wrong and p[0] not in lost]
-                places = [p for p in kept if p not in masters and _count(mdf, p[0])]
+                places = [p for p in kept if p not in masters and _count(mdf, p[0]) and _is_number(mdf, *p)]
                 for group, index in places:
                     about = mdf.groups[group].channel_group.acq_name or str(group)
                     full = name if len(places) == 1 else f"{about}.{name}"
                     full = full if full not in self.units else f"{group}.{name}"
-                    first = mdf.get(group=group, index=index, record_count=1, raw=True)
-                    if first.samples.dtype.kind in "biuf" and first.samples.ndim == 1:
-                        self.units[full] = mdf.get_channel_unit(group=group, index=index) or ""
-                        self._places[full] = group, index
-            for group in {g for g, _ in self._places.values()}:
-                starts.append(_ns(mdf.get_master(group, record_count=1))[0])
-                last = mdf.get_master(group, record_offset=_count(mdf, group) - 1, record_count=1)
-                ends.append(_ns(last)[-1])
-        self.begin = int(min((t for t in starts[1:] if t <= LATEST), default=0))
-        self.end = int(max(t for t in ends if t <= LATEST))
+                    full = full if full not in self.units else f"{group}.{name}.{index}"
+                    self.units[full] = mdf.get_channel_unit(group=group, index=index) or ""
+                    self._places[full] = group, index
+                    if len(places) > 1:
+                        self.sources.setdefault(name, []).append(full)
+            groups = dict.fromkeys(group for group, _ in self._places.values())
+            self._about = _groups_of(mdf, groups, lambda note, count: self.notes.update({note: count}))
+            self.lacking: dict[str, int] | None = {
+                name: self._about.lacking[group] for name, (group, _) in self._places.items()
+            }
+        never = (NEVER, NEVER)
+        self.spans = {name: self._about.spans.get(group, never) for name, (group, _) in self._places.items()}
+        known = [span for span in self.spans.values() if span != never]
+        self.begin = min((begin for begin, _ in known), default=0)
+        self.end = max((end for _, end in known), default=0)
 
     def blocks(self, wanted: Collection[str]) -> Iterator[Block]:
         """The samples of some channels, those of each in the order of time."""
@@ -220,21 +241,86 @@ class Mf4:
         return list(found.values())
 
     def _rows(self, mdf: Any, channels: Mapping[str, tuple[int, int]]) -> Iterator[list[Block]]:
-        """Blocks of the same records of the channels of a group."""
-        parts = [mdf.iter_get(group=group, index=index) for group, index in channels.values()]
-        for signals in zip(*parts, strict=True):
-            rows = []
-            for name, signal in zip(channels, signals, strict=True):
-                values = signal.samples
-                if values.dtype.kind not in "biuf":  # a table of words
-                    values = np.full(len(values), np.nan)
-                    self.notes[f"{name} says words, not numbers"] = 1
-                t = _ns(signal.timestamps)
-                known = t <= LATEST
-                if not known.all():
-                    self.notes[TOO_LATE] = self.notes.get(TOO_LATE, 0) + int((~known).sum())
-                rows.append((name, t[known], values[known].astype(float)))
+        """Blocks of the same records of the channels of a group; nan where a value is invalid, or a word."""
+        group = next(iter(channels.values()))[0]
+        parts = [
+            mdf.iter_get(group=group, index=k, samples_only=True, raw=True) for _, k in channels.values()
+        ]
+        words: dict[str, int] = Counter()
+        for t, *signals in zip(self._about.times(mdf, group), *parts, strict=True):
+            known, rows = t <= LATEST, []
+            for name, (raw, invalid) in zip(channels, signals, strict=True):
+                values, is_word = _numbers(raw, mdf.groups[group].channels[channels[name][1]].conversion)
+                words[name] += int(is_word.sum())
+                if invalid is not None:
+                    values[np.asarray(invalid, bool)] = np.nan
+                rows.append((name, t[known], values[known]))
             yield rows
+        for name, count in words.items():
+            if count:
+                self.notes[f"unused: {name} says words, not numbers"] = count
+
+
+def _is_number(mdf: Any, group: int, index: int) -> bool:
+    samples = mdf.get(group=group, index=index, record_count=1, raw=True).samples
+    return samples.dtype.kind in "biuf" and samples.ndim == 1
+
+
+def _numbers(raw: Any, conversion: Any) -> tuple[Array, NDArray[np.bool_]]:
+    """Raw values as the file turns them into numbers, and which it turns into words; those are nan.
+
+    A table of words without a word for the rest leaves that as it is, which asammdf calls an empty word.
+    """
+    made = raw if conversion is None else conversion.convert(raw, as_object=True)
+    if made.dtype.kind in "biuf":
+        return made.astype(float), np.zeros(len(raw), bool)
+    has_rest = bool((conversion.referenced_blocks or {}).get("default_addr"))
+    values = [own if v == b"" and not has_rest else v for v, own in zip(made, raw.tolist(), strict=True)]
+    is_word = np.array([isinstance(v, bytes | str) for v in values], bool)
+    return np.array([np.nan if isinstance(v, bytes | str) else v for v in values], float), is_word
+
+
+@dataclass(frozen=True)
+class _Groups:
+    """Groups of an MF4 file on one axis of time.
+
+    lacking: records of each that are stated and not there; spans: first and last time of those with one [ns]
+    """
+
+    shifts: list[int]
+    lacking: dict[int, int]
+    spans: dict[int, tuple[int, int]]
+
+    def times(self, mdf: Any, group: int) -> Iterator[Times]:
+        """Times of a group, block by block."""
+        axis = Axis(self.shifts, is_one_by_one=True)
+        return (axis.times(group, stamps) for stamps in _stamps(mdf, group))
+
+
+def _stamps(mdf: Any, group: int) -> Iterator[Times]:
+    index = mdf.masters_db.get(group, 0)
+    return (_ns(signal.timestamps) for signal in mdf.iter_get(group=group, index=index, raw=True))
+
+
+def _groups_of(mdf: Any, groups: Iterable[int], tell: Tell) -> _Groups:
+    """Look through groups; what is not there of them is told."""
+    axis, late = Axis(is_one_by_one=True), 0
+    lacking = {group: _count(mdf, group) for group in groups}
+    stated = sum(lacking.values())
+    spans: dict[int, tuple[int, int]] = {}
+    for group in lacking:
+        for stamps in _stamps(mdf, group):
+            lacking[group] -= len(stamps)
+            times = axis.times(group, stamps)
+            late += int((times > LATEST).sum())
+            if len(times := times[times <= LATEST]):
+                spans[group] = spans.get(group, (int(times[0]), 0))[0], int(times[-1])
+    axis.tell(tell)
+    if (lost := sum(lacking.values())) > MANY * stated:
+        tell(f"lost: records of {stated:,} that are stated", lost)
+    if late:
+        tell(TOO_LATE, late)
+    return _Groups(axis.shifts, lacking, spans)
 
 
 @dataclass(frozen=True)
@@ -258,85 +344,113 @@ class Bus:
     """Frames as channels: the signals of their messages, `Message.Signal` where several have the name.
 
     frames: opens a pass through the file. Of a message of J1939 the number of its group counts, whoever sends
-    it; channels of several senders end with their address, `@1C`.
+    it; channels of several senders end with their address, `@1C`, those of several buses with it, `@CAN2`.
     """
 
-    def __init__(self, path: Path, frames: Callable[[], Iterator[Frame]]) -> None:
+    is_held = False
+    lacking: dict[str, int] | None = None
+
+    def __init__(self, path: Path, frames: Callable[[Tell], Iterator[Frame]]) -> None:
         with Extra("can", "reading frames"):
             import cantools
         self.path, self._of_file = path, frames
         self.notes: dict[str, int] = {}
         file = _database_of(path)
-        text = read_bytes(file, "database", "a DBC file").decode("cp1252", errors="replace")
+        text = _text_of(read_bytes(file, "database", "a DBC file"))
         try:
             database = cantools.database.load_string(_with_short_signals(text), "dbc")
         except (cantools.Error, ValueError) as error:
             raise InputError(
                 "database", file.name, f"expected a DBC file: {reason_of(error)}", file=file
             ) from error
-        self.notes[f"frames decoded by {file.name}"] = 1
-        self._messages: dict[tuple[int, bool], _Message | None] = {}
+        self.notes[f"form: frames decoded by {file.name}"] = 1
+        self._messages: dict[Key, _Message | None] = {}
         self.units: dict[str, str] = {}
-        first = last = None
-        for t, identifier, is_long, _ in self._frames():
-            self._messages[identifier, is_long] = None
-            first, last = t if first is None else min(first, t), t if last is None else max(last, t)
-        self.begin, self.end = first or 0, last or 0
-        self._describe(database.messages, is_own=file == dbc_file())
+        self.sources: dict[str, list[str]] = {}
+        self.spans: dict[str, tuple[int, int]] = {}
+        spans: dict[Key, tuple[int, int]] = {}
+        for t, bus, identifier, is_long, _ in self._frames():
+            key = bus, identifier, is_long
+            first, last = spans.get(key, (t, t))
+            spans[key] = min(first, t), max(last, t)
+        self._messages = dict.fromkeys(spans)
+        self.begin = min((begin for begin, _ in spans.values()), default=0)
+        self.end = max((end for _, end in spans.values()), default=0)
+        self._describe(database.messages, spans, is_own=file == dbc_file())
         if not self.units:
-            shown = ", ".join(f"{identifier:X}" for identifier, _ in list(self._messages)[:5]) or "no frame"
+            shown = (
+                ", ".join(f"{identifier:X}" for _, identifier, _ in list(self._messages)[:5]) or "no frame"
+            )
             raise InputError("log", shown, f"expected frames that {file} describes", file=path)
 
-    def _describe(self, messages: list[Any], *, is_own: bool) -> None:
+    def _describe(self, messages: list[Any], spans: Mapping[Key, tuple[int, int]], *, is_own: bool) -> None:
         """Which of the identifiers that occur are which message, and the names of their channels."""
         plain = {(m.frame_id, m.is_extended_frame): m for m in messages}
         groups = {parse(m.frame_id).pgn: m for m in messages if is_own or m.protocol == "j1939"}
-        found: dict[tuple[int, bool], tuple[Any, bool]] = {}
+        found: dict[Key, tuple[Any, bool]] = {}
         for key in self._messages:
-            of_group = groups.get(parse(key[0]).pgn) if key[1] else None
-            if (message := of_group or plain.get(key)) is not None:
+            of_group = groups.get(parse(key[1]).pgn) if key[2] else None
+            if (message := of_group or plain.get(key[1:])) is not None:
                 found[key] = message, of_group is not None
             else:
-                self.notes["identifiers not described"] = self.notes.get("identifiers not described", 0) + 1
-        senders = {m.name: {k[0] & 0xFF for k, (o, _) in found.items() if o is m} for m, _ in found.values()}
+                self._tell("unused: identifiers not described", 1)
+        keys: dict[str, list[Key]] = {}
+        for key, (message, _) in found.items():
+            keys.setdefault(message.name, []).append(key)
         names = [s.name for m in {m.name: m for m, _ in found.values()}.values() for s in m.signals]
         for key, (message, is_j1939) in found.items():
-            end = f"@{key[0] & 0xFF:02X}" if is_j1939 and len(senders[message.name]) > 1 else ""
+            buses = {bus for bus, *_ in keys[message.name]}
+            senders = {identifier & 0xFF for _, identifier, _ in keys[message.name]}
+            end = f"@{key[1] & 0xFF:02X}" * (is_j1939 and len(senders) > 1)
+            end += f"@CAN{key[0]}" * (len(buses) > 1)
             channels = {}
             for signal in message.signals:
                 bare = signal.name if names.count(signal.name) == 1 else f"{message.name}.{signal.name}"
                 is_right = is_own and "> 0 turns right" in (signal.comment or "")
                 self.units[bare + end] = (signal.unit or "") + (RIGHT if is_right else "")
                 channels[signal.name] = bare + end
+                first, last = self.spans.get(bare + end, spans[key])
+                self.spans[bare + end] = min(first, spans[key][0]), max(last, spans[key][1])
+                if end and bare + end not in self.sources.setdefault(bare, []):
+                    self.sources[bare].append(bare + end)
             self._messages[key] = _Message(message, channels, is_j1939)
+        self.sources = {name: sorted(several) for name, several in self.sources.items() if several}
+
+    def _tell(self, note: str, count: int) -> None:
+        self.notes[note] = self.notes.get(note, 0) + count
 
     def _frames(self) -> Iterator[Frame]:
-        """Frames, and messages of several frames in the place of their last one."""
-        transport = Transport()
-        for t, identifier, is_long, data in self._of_file():
+        """Frames, and messages of several frames in the place of their last one. What is told of them is
+        told anew with each pass.
+        """
+        transports: dict[int, Transport] = {}
+        told: dict[str, int] = Counter()
+        for t, bus, identifier, is_long, data in self._of_file(lambda note, n: told.update({note: n})):
             if abs(t) > LATEST:
-                self.notes[TOO_LATE] = self.notes.get(TOO_LATE, 0) + 1
+                told[TOO_LATE] += 1
             elif is_long and identifier >> 8 & 0x3FF00 in (TRANSPORT, TRANSPORT_DATA):
-                if (whole := transport.take(identifier, data)) is not None:
-                    yield t, whole[0], True, whole[1]
+                if (whole := transports.setdefault(bus, Transport()).take(identifier, data)) is not None:
+                    yield t, bus, whole[0], True, whole[1]
             else:
-                yield t, identifier, is_long, data
-        if transport.lost:
-            self.notes["messages of several frames that lack one"] = transport.lost
+                yield t, bus, identifier, is_long, data
+        told["lost: messages of several frames that lack one"] += sum(t.lost for t in transports.values())
+        self.notes |= {note: count for note, count in told.items() if count}
 
     def samples(self, wanted: Collection[str]) -> Iterator[tuple[int, str, float]]:
         """(time [ns], channel, value), of all channels in the order of the file."""
         asked = set(wanted)
         needed = {k: m for k, m in self._messages.items() if m and asked & {*m.channels.values()}}
-        for t, identifier, is_long, data in self._frames():
-            message = needed.get((identifier, is_long))
+        unread: dict[str, int] = Counter()
+        for t, bus, identifier, is_long, data in self._frames():
+            message = needed.get((bus, identifier, is_long))
             if message is None:
                 continue
             try:
                 values = list(message.values(data))
             except Exception:  # cantools raises what bitstruct does, by where the data end
-                note = f"frames of {message.decoder.name} not readable"
-                self.notes[note] = self.notes.get(note, 0) + 1
+                note = f"damaged: frames of {message.decoder.name} not readable"
+                unread[note] += 1
+                self.notes[note] = unread[note]
                 continue
             yield from ((t, name, value) for name, value in values if name in wanted)
 
@@ -357,14 +471,14 @@ def _opened_mf4(path: Path) -> Channels:
     with _whole(path, "MF4"):
         with _mdf(path) as mdf:
             has_frames = BUS in mdf.channels_db
-        return Bus(path, lambda: _in_mf4(path)) if has_frames else Mf4(path)
+        return Bus(path, lambda tell: _in_mf4(path, tell)) if has_frames else Mf4(path)
 
 
 @apart("log", "a log of frames", libraries=("can", "can.io.blf", "cantools"), kept=(Bus,))
 def _opened_frames(path: Path, kind: str) -> Channels:
     """The reader of frames. InputError where they cannot be read."""
     with _whole(path, kind):
-        return Bus(path, lambda: _logged(path))
+        return Bus(path, lambda tell: logged(path, tell, is_text=kind == "ASC"))
 
 
 @contextmanager
@@ -375,7 +489,7 @@ def _whole(path: Path, kind: str) -> Iterator[None]:
         raise
     except Exception as error:  # what a broken file raises depends on where it is broken
         raise InputError(
-            "log", path.name, f"expected a whole {kind} file: {reason_of(error)}", file=path
+            "damaged", path.name, f"expected a whole {kind} file: {reason_of(error)}", file=path
         ) from error
 
 
@@ -404,6 +518,14 @@ def _ns(seconds: Any) -> NDArray[np.int64]:
     return np.where(known, ns, NEVER)
 
 
+def _text_of(data: bytes) -> str:
+    """The text of a DBC file, which says of no encoding: UTF-8 where it is that, else that of Windows."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
 def _with_short_signals(text: str) -> str:
     """The text of a DBC file. ValueError for a signal longer than its message, or a message than any."""
     most, name = 0, ""
@@ -427,58 +549,26 @@ def _database_of(path: Path) -> Path:
     return found[0] if found else dbc_file()
 
 
-class _Bounded:
-    """What unpacks a container of a BLF file, no further than an honest one."""
-
-    @staticmethod
-    def decompress(data: bytes) -> bytes:
-        """As of `zlib.decompressobj`. ValueError for one that holds more than its size can."""
-        unpacking, most = zlib.decompressobj(), most_unpacked(len(data))
-        found = unpacking.decompress(data, most)
-        if unpacking.unconsumed_tail:
-            raise ValueError(f"a container of {len(data)} bytes unpacks to more than {most}")
-        return found
-
-
-def _logged(path: Path) -> Iterator[Frame]:
-    """Frames of a BLF or ASC file, to the microsecond."""
-    with Extra("can", "reading frames"):
-        import can
-        from can.io import blf
-    vars(blf).update(zlib=SimpleNamespace(**{**vars(zlib), "decompressobj": _Bounded}))
-    with open_to_read(path, "log", "a log of frames") as file:
-        is_text = kind_of(path) == "ASC"
-        reader: Any = can.ASCReader(TextIOWrapper(file)) if is_text else can.BLFReader(file)
-        begin = getattr(reader, "start_timestamp", None) or 0.0
-        for m in reader:
-            if not m.is_error_frame and not m.is_remote_frame:
-                t = round((m.timestamp - begin) * 1e6) * 1000
-                yield t, m.arbitration_id, m.is_extended_id, bytes(m.data)
-
-
-def _in_mf4(path: Path) -> Iterator[Frame]:
-    """Frames of an MF4 file, by the time; those of several buses together."""
+def _in_mf4(path: Path, tell: Tell) -> Iterator[Frame]:
+    """Frames of an MF4 file, by the time."""
     with _mdf(path) as mdf:
-        places = mdf.channels_db[BUS]
-        if {group for group, _ in places} & {group for group, _ in _without_arithmetic(mdf)}:
+        places = dict(mdf.channels_db[BUS])
+        if places.keys() & {group for group, _ in _without_arithmetic(mdf)}:
             raise InputError("log", BUS, f"expected plain frames, {NO_ARITHMETIC}", file=path)
+        about = _groups_of(mdf, places, tell)
         yield from merge(
-            *(_of_group(mdf, group, index) for group, index in places), key=lambda frame: frame[0]
+            *(_of_group(mdf, group, index, about) for group, index in places.items()), key=lambda f: f[0]
         )
 
 
-def _of_group(mdf: Any, group: int, index: int) -> Iterator[Frame]:
-    for signal in mdf.iter_get(group=group, index=index):
-        part = {name.removeprefix(f"{BUS}."): signal.samples[name] for name in signal.samples.dtype.names}
-        lengths = part.get("DataLength", np.full(len(signal.samples), 8))
+def _of_group(mdf: Any, group: int, index: int, about: _Groups) -> Iterator[Frame]:
+    times = about.times(mdf, group)
+    for signal, t in zip(mdf.iter_get(group=group, index=index, samples_only=True), times, strict=True):
+        samples = signal[0]
+        part = {name.removeprefix(f"{BUS}."): samples[name] for name in samples.dtype.names}
+        lengths = part.get("DataLength", np.full(len(samples), 8))
         longs = part.get("IDE", part["ID"] > 0x7FF)
-        rows = zip(
-            _ns(signal.timestamps).tolist(),
-            part["ID"].tolist(),
-            longs,
-            part["DataBytes"],
-            lengths,
-            strict=True,
-        )
-        for t, identifier, is_long, data, length in rows:
-            yield t, identifier & 0x1FFFFFFF, bool(is_long), bytes(data)[: int(length)]
+        buses = part.get("BusChannel", np.zeros(len(samples), int)).tolist()
+        rows = zip(t.tolist(), buses, part["ID"].tolist(), longs, part["DataBytes"], lengths, strict=True)
+        for at, bus, identifier, is_long, data, length in rows:
+            yield at, bus, identifier & 0x1FFFFFFF, bool(is_long), bytes(data)[: int(length)]

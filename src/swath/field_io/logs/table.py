@@ -8,7 +8,7 @@ import math
 import os
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, compress, islice
@@ -25,7 +25,8 @@ from swath.documents.foreign import refuse_foreign
 from swath.documents.geojson import read_records
 from swath.documents.packed import LARGEST_BYTES, most_unpacked, readable
 from swath.field_io.logs.channels import Channels, open_channels
-from swath.field_io.logs.columns import AG_LEADER, AG_LEADER_2000, guess, unit_symbol
+from swath.field_io.logs.columns import AG_LEADER, AG_LEADER_2000, unit_symbol
+from swath.field_io.logs.held import Chosen, Held, at_rows, known_names, shown_names, times_of
 from swath.field_io.logs.shapefiles import has_shapefile, read_points
 from swath.field_io.task_data.isoxml import is_taskdata, read_taskdata
 from swath.field_io.trade import sheet_of
@@ -35,7 +36,6 @@ LONGEST_ROW = 1 << 16  # characters
 LONGEST_BLANK = 1 << 22  # characters between two rows: sheets are exported with blank ones at their end
 MOST_COLUMNS = 1000
 ROWS_AT_ONCE = 8192
-SHORTEST, OLDEST = 50_000_000, 2_000_000_000  # ns: of channels between two rows, and how long a value holds
 SHAPES = b"\x00\x00\x27\x0a"  # of a .shp
 LEAST_HEIGHT, FEWEST_HEIGHTS = (
     25.0,
@@ -59,6 +59,7 @@ class Table:
     points: (x, y) of each record, shape (n, 2), when the file has geometry
     crs: of the points (WKT), or ''
     broken: reason -> rows left out while reading
+    stated: rows that the file says it has, None = it does not say
     notes: what could not be read, file and byte
     units: column -> unit, and crop: what the maker's metadata say beside the table
     stated_width: of the header [m], shape (n,), that the machines state and no record holds
@@ -73,6 +74,7 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     crop: str = ""
     stated_width: Array | None = None
+    stated: int | None = None
 
     def numbers(self, name: str) -> Array:
         """A column as numbers, nan where the text is none."""
@@ -117,7 +119,7 @@ def read_table(path: Path) -> Table:
         table = installed_part("log", ending)(path)
         if not isinstance(table, Table):
             raise InputError("log", str(path), f"expected a Table of the reader of package {package}")
-        return replace(table, notes=(*table.notes, f"read by the installed package {package}"))
+        return replace(table, notes=(*table.notes, f"form: read by the installed package {package}"))
     with readable("log", "a readable file", path):
         if (channels := open_channels(path)) is not None:
             return _read_channels(channels)
@@ -141,64 +143,45 @@ def read_table(path: Path) -> Table:
                 return _read_csv(start, _Lines(text, path, min(packed, LARGEST_BYTES)), path)
 
 
-class Held:
-    """The values of a channel at the rows of a table: at each the last one, nan where it is old.
-
-    read: fills in the values of some channels in one pass, and keeps them
-    """
-
-    def __init__(self, name: str, read: Callable[[str], Array]) -> None:
-        self._name, self._read = name, read
-
-    def numbers(self) -> Array:
-        """One number per row."""
-        return self._read(self._name)
-
-    def __iter__(self) -> Iterator[str]:
-        return (f"{value:g}" for value in self.numbers())
-
-
 def _read_channels(log: Channels) -> Table:
     """A row at each sample of the position, else of the speed, else of the first channel that is known."""
-    names = {f"{name} [{unit}]" if unit else name: name for name, unit in log.units.items()}
-    known = {key: names[c.column] for key, c in guess([*names], log.path).columns.items()}
+    shown, known = shown_names(log), known_names(log)
+    columns = {name: column for column, name in shown.items()}
     leader = next((known[key] for key in ("lat", "easting", "speed") if key in known), None)
-    leader = leader or next(iter(known.values()), next(iter(log.units), ""))
+    leader = leader or next(iter(known.values()), next(iter(shown.values()), ""))
     if not leader:
         raise InputError("log", None, "expected channels of numbers", file=log.path)
-    rows = np.unique(np.concatenate([_thinned(t) for _, t, _ in log.blocks([leader])]))
-    kept: dict[str, Array] = {}
+    columns, chosen = {name: column for column, name in shown.items()}, Chosen()
 
-    def read(name: str) -> Array:
+    def choose(names: Mapping[str, str]) -> None:
+        chosen.add(log, names, lambda key, source: f'{key}: {{column: "{columns[source]}"}}')
+
+    choose({leader: leader, **{name: key for key, name in known.items()}})
+    lead = chosen.of(leader)
+    rows = np.unique(np.concatenate([*times_of(log, lead).values()]))
+    kept: dict[str, Array] = {}
+    lost: dict[str, int] = {}
+
+    def read(*names: str) -> None:
+        found, more = at_rows(log, {name: chosen.of(name) for name in names}, dict.fromkeys(names, rows))
+        kept.update(found)
+        lost.update(more)
+
+    def one(name: str) -> Array:
         if name not in kept:
-            wanted = {name, *(known.values() if not kept else ())}
-            kept.update({channel: np.full(len(rows), np.nan) for channel in wanted})
-            for channel, t, values in log.blocks(wanted):
-                _hold(kept[channel], rows, t, values)
+            if name not in chosen.parts:
+                choose({name: name})
+            read(name)
         return kept[name]
 
-    columns: dict[str, Any] = {shown: Held(name, read) for shown, name in names.items()}
+    held: dict[str, Any] = {column: Held(name, one) for column, name in shown.items()}
     if "time" not in known:
-        columns = {"time [s]": rows / 1e9, **columns}
-    for needed in known.values():
-        read(needed)
-    notes = (f"a row at each sample of {leader}", *(f"{n} ({count})" for n, count in log.notes.items()))
-    return Table(columns, np.arange(1, len(rows) + 1), None, "", {}, notes)
-
-
-def _thinned(t: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The first of the times [ns] in each interval of SHORTEST."""
-    return t[np.unique(t // SHORTEST, return_index=True)[1]]
-
-
-def _hold(column: Array, rows: NDArray[np.int64], t: NDArray[np.int64], values: Array) -> None:
-    """Put values at times [ns] into the rows from each on until the next, at most OLDEST long, in place."""
-    order = np.argsort(t, kind="stable")
-    t, values = t[order], values[order]
-    begin, end = np.searchsorted(rows, [t[0], t[-1] + OLDEST]) if len(t) else (0, 0)
-    last = np.searchsorted(t, rows[begin:end], side="right") - 1
-    is_near = rows[begin:end] - t[last] <= OLDEST
-    column[begin:end][is_near] = values[last][is_near]
+        held = {"time [s]": rows / 1e9, **held}
+    read(*(name for name in known.values() if name not in chosen.refused))
+    counted = (f"{note} ({count})" for note, count in {**log.notes, **lost}.items())
+    notes = (f"form: a row at each sample of {leader}", *counted, *dict.fromkeys(chosen.notes))
+    stated = None if log.lacking is None else len(rows) + sum(log.lacking.get(part, 0) for part in lead)
+    return Table(held, np.arange(1, len(rows) + 1), None, "", {}, notes, stated=stated)
 
 
 def _read_isoxml(path: Path) -> Table:
@@ -272,7 +255,7 @@ def _read_csv(start: bytes, lines: "_Lines", path: Path) -> Table:
         if np.median(values) > LEAST_HEIGHT and len(np.unique(values)) >= FEWEST_HEIGHTS:
             cells["Elevation"] = cells.pop(last)  # columns before it are left out
         else:
-            notes = (f"no header line: column {len(header)} taken as {last}, not as the height",)
+            notes = (f"form: no header line: column {len(header)} taken as {last}, not as the height",)
     return Table(cells, np.array(numbers, dtype=np.int64), None, "", {"wrong_field_count": wrong}, notes)
 
 

@@ -29,6 +29,8 @@ FIX_QUALITY = {0: 0, 1: 1, 2: 2, 3: 1, 4: 4, 5: 3, 9: 2}
 RMC_MODE = "NADFR"
 LONGEST = 4096  # bytes without an end of line
 MOST_WORDS = 15  # of a sentence that is read
+DAY_S = 86_400.0
+SILENT_S = 2.0  # without a position of the talker that counts, after which another's counts
 
 Fields = dict[str, Any]  # fields of an Epoch
 
@@ -202,21 +204,24 @@ class Epoch:
 class Listener:
     """Epochs out of a stream of sentences, however it is cut.
 
-    An epoch is complete when it has all kinds of sentences that the two before it had, or one of another time
-    of day begins.
+    An epoch is complete when it has all kinds of sentences of all talkers that the two before it had, or one
+    of another time of day begins. Where several talkers say positions, the one with the best fix of the first
+    epoch counts until it is silent; what only another says is taken from it.
 
     A sentence counts whole or not at all. Checksums are left away by all lines of a stream or by none.
 
-    epoch: the newest, still None before the first
     wrong: lines so far that were no sentence, or had another checksum
-    unknown: what sentences did not say, with how often
+    unknown: what sentences did not say, and what did not count, with how often
     """
 
     wrong: int = 0
-    epoch: Epoch | None = None
     unknown: Counter[str] = field(default_factory=Counter)
     _rest: bytes = b""
     _is_told: bool = False
+    _seconds: float = math.nan  # of the newest epoch
+    _said: dict[str, dict[str, Fields]] = field(default_factory=dict)  # in it: talker -> kind -> fields
+    _talker: str = ""  # whose positions count
+    _heard: float = math.nan  # second of the day at which it last said one
     _kinds: tuple[set[str], ...] = field(default_factory=lambda: (set(), set(), set()))  # newest epoch first
     _done: list[Epoch] = field(default_factory=list)
     _are_checked: bool | None = None  # None: of a stream that has not shown it yet
@@ -229,48 +234,86 @@ class Listener:
         done, self._done = self._done, []
         return done
 
+    @property
+    def epoch(self) -> Epoch | None:
+        """The newest, still None before the first."""
+        return self._epoch(self._talker or self._best()) if self._said else None
+
     def _take(self, line: bytes) -> None:
         try:
             body, star = body_of(line)
             is_first, self._are_checked = self._are_checked is None, self._are_checked or star
             name, *words = body.decode("ascii").split(",")
-            kind = name if name.startswith("P") else name[2:]
+            talker, kind = ("P", name) if name.startswith("P") else (name[:2], name[2:])
             if kind not in READERS or (is_first and not star):
                 return
             least, read = READERS[kind]
             if not star and (self._are_checked or len(words) < least):
                 raise ValueError
             words += [""] * MOST_WORDS  # receivers leave away what is empty
-            of = self.epoch if kind in UNTIMED else self._at(words[0])
-            if of is None:
+            seconds = self._seconds if kind in UNTIMED else _second(words[0])
+            if math.isnan(seconds):
                 return
-            fields = read(of, words)
+            fields = read(words)
         except ValueError:
             self.wrong += 1
             return
-        self._begin(of)
-        vars(of).update(fields)
-        if kind in ("GGA", "PANDA", "PAOGI") and of.quality and math.isnan(of.height):
-            self.unknown["positions without a height above the ellipsoid"] += 1
-        self._kinds[0].add(kind)
-        usual = self._kinds[1] | self._kinds[2]
-        if not self._is_told and usual and usual <= self._kinds[0]:
-            self._is_told = True
-            self._done.append(of)
-
-    def _at(self, text: str) -> Epoch:
-        """The epoch of a time of day, the newest where that is its own."""
-        seconds = int(text[:2]) * 3600.0 + int(text[2:4]) * 60.0 + float(text[4:])
-        return self.epoch if self.epoch is not None and self.epoch.seconds == seconds else Epoch(seconds)
-
-    def _begin(self, epoch: Epoch) -> None:
-        if epoch is self.epoch:
-            return
-        if self.epoch is not None:
-            if not self._is_told:
-                self._done.append(self.epoch)
+        if seconds != self._seconds:
+            self._tell()
             self._kinds = (set(), *self._kinds[:2])
-        self.epoch, self._is_told = epoch, False
+            self._seconds, self._said, self._is_told = seconds, {}, False
+        self._said.setdefault(talker, {})[kind] = fields
+        self._kinds[0].add(name)
+        usual = self._kinds[1] | self._kinds[2]
+        if usual and usual <= self._kinds[0]:
+            self._tell()
+
+    def _tell(self) -> None:
+        """The newest epoch is complete."""
+        if self._is_told or not self._said:
+            return
+        self._is_told = True
+        placed = [talker for talker, said in self._said.items() if not PLACES.isdisjoint(said)]
+        if placed and self._talker not in placed:
+            if self._talker and (self._seconds - self._heard) % DAY_S <= SILENT_S:
+                self._note_others(placed)
+                return  # another's position between two of its own
+            self._talker = self._best()
+        if self._talker in placed:
+            self._heard = self._seconds
+        self._note_others(placed)
+        epoch = self._epoch(self._talker)
+        if placed and epoch.quality and math.isnan(epoch.height):
+            self.unknown["heights: positions without a height above the ellipsoid"] += 1
+        self._done.append(epoch)
+
+    def _note_others(self, placed: Sequence[str]) -> None:
+        for other in placed:
+            if self._talker and other != self._talker:
+                self.unknown[f"sources: positions of {other}, those of {self._talker} count"] += 1
+
+    def _best(self) -> str:
+        """The talker with the best fix of the newest epoch, '' without any."""
+        fixes = {t: self._epoch(t).quality for t in self._said}
+        return max((t for t in fixes if fixes[t]), key=lambda t: (fixes[t], t == TALKER, t), default="")
+
+    def _epoch(self, talker: str) -> Epoch:
+        """The newest epoch, positions of a talker, of any where none counts; the rest of it or of another."""
+        epoch = Epoch(self._seconds)
+        for kinds in TOGETHER:
+            saying = [t for t, said in self._said.items() if not said.keys().isdisjoint(kinds)]
+            if {*kinds} <= PLACES and talker:
+                saying = [t for t in saying if t == talker]
+            best = max(saying, key=lambda t: (t == talker, t == TALKER, t), default="")
+            for kind in kinds:
+                found = self._said.get(best, {}).get(kind, {})
+                vars(epoch).update({name: value for name, value in found.items() if not math.isnan(value)})
+        return epoch
+
+
+def _second(text: str) -> float:
+    """The second of a time of day."""
+    return int(text[:2]) * 3600.0 + int(text[2:4]) * 60.0 + float(text[4:])
 
 
 def _read(text: str, factor: float = 1.0) -> float:
@@ -306,25 +349,25 @@ def _read_place(words: Sequence[str]) -> Fields:
     return {**fields, "hdop": _read(words[7])}
 
 
-def _read_gga(epoch: Epoch, words: Sequence[str]) -> Fields:
+def _read_gga(words: Sequence[str]) -> Fields:
     height = _read_height(words[8], words[9]) + _read_height(words[10], words[11])
     return {**_read_place(words), "height": height, "age": _read(words[12])}
 
 
-def _read_vtg(epoch: Epoch, words: Sequence[str]) -> Fields:
+def _read_vtg(words: Sequence[str]) -> Fields:
     if words[8] == "N":
         return {}
     speed = _read(words[6], 1.0 / 3.6) if words[6] else _read(words[4], KNOT)
     return {"course": math.radians(_read(words[0])), "speed": speed}
 
 
-def _read_rmc(epoch: Epoch, words: Sequence[str]) -> Fields:
-    if words[1] != "A" or not math.isnan(epoch.speed):
+def _read_rmc(words: Sequence[str]) -> Fields:
+    if words[1] != "A":
         return {}
     return {"speed": _read(words[6], KNOT), "course": math.radians(_read(words[7]))}
 
 
-def _read_gst(epoch: Epoch, words: Sequence[str]) -> Fields:
+def _read_gst(words: Sequence[str]) -> Fields:
     north, east = _read(words[5]), _read(words[6])
     return {
         "horizontal_sd": math.sqrt(0.5 * (north * north + east * east)),
@@ -332,22 +375,25 @@ def _read_gst(epoch: Epoch, words: Sequence[str]) -> Fields:
     }
 
 
-def _read_heading(epoch: Epoch, words: Sequence[str]) -> Fields:
+def _read_heading(words: Sequence[str]) -> Fields:
     return {} if words[1] == "V" else {"heading": math.radians(_read(words[0]))}
 
 
-def _read_panda(epoch: Epoch, words: Sequence[str]) -> Fields:
+def _read_panda(words: Sequence[str]) -> Fields:
     fields = {"height": _read(words[8]), "age": _read(words[9]), "speed": _read(words[10], KNOT)}
     return {**_read_place(words), **fields}
 
 
-def _read_paogi(epoch: Epoch, words: Sequence[str]) -> Fields:
+def _read_paogi(words: Sequence[str]) -> Fields:
     heading, roll, pitch = (math.radians(_read(word)) for word in words[11:14])
-    return {**_read_panda(epoch, words), "heading": heading, "roll": roll, "pitch": -pitch}
+    return {**_read_panda(words), "heading": heading, "roll": roll, "pitch": -pitch}
 
 
 UNTIMED = ("VTG", "HDT", "THS")
-READERS: dict[str, tuple[int, Callable[[Epoch, Sequence[str]], Fields]]] = {
+PLACES = frozenset(("GGA", "PANDA", "PAOGI"))
+TOGETHER = (("GGA", "PANDA", "PAOGI"), ("RMC", "VTG"), ("GST",), ("HDT", "THS"))
+"""Kinds of sentences that one talker says; of two that say the same, the later here counts."""
+READERS: dict[str, tuple[int, Callable[[Sequence[str]], Fields]]] = {
     "GGA": (14, _read_gga), "VTG": (8, _read_vtg), "RMC": (11, _read_rmc), "GST": (8, _read_gst),
     "HDT": (2, _read_heading), "THS": (2, _read_heading), "PANDA": (15, _read_panda),
     "PAOGI": (15, _read_paogi),

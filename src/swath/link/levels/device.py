@@ -276,10 +276,10 @@ class _NmeaStream:
     @property
     def notes(self) -> list[str]:
         """What was wrong, or not said."""
-        counts = (("lines were no sentence", self._listener.wrong),
-                  ("positions came late and were left out", self._late),
+        counts = (("damaged: lines that were no sentence", self._listener.wrong),
+                  ("timeline: positions that came late and were left out", self._late),
                   *self._listener.unknown.items())  # fmt: skip
-        return [f"{count} {text}" for text, count in counts if count]
+        return [f"{text} ({count})" for text, count in counts if count]
 
     def feed(self, data: bytes, arrived: int) -> Iterator[Fix]:
         """Fixes of more sentences."""

@@ -154,9 +154,8 @@ class Lift:
     def note(self, *, is_mended: bool) -> str:
         """What the user should know; is_mended: samples are put where they belong by `lifted`."""
         side = "above" if self.above > 0 else "below"
-        note = (
-            f"the track lies {abs(self.above):.1f} m {side} the terrain ({self.low:.1f} to {self.high:.1f})"
-        )
+        far = f"{abs(self.above):.1f} m {side} the terrain ({self.low:.1f} to {self.high:.1f})"
+        note = f"heights: the track lies {far}"
         if self.is_constant:
             done = "; taken off" if is_mended else ""
             return f"{note}: another datum of heights (ellipsoid, geoid), or the antenna's height{done}"
@@ -446,26 +445,26 @@ class LogPlayer:
     def notes(self) -> list[str]:
         """What was played and how, gaps, what was left out."""
         p, name = self.params, self.setup.slot
-        found = [
-            f"{name}: plays {self.recorded if self._is_own else ', '.join(self._topics)} of {self.log.path}",
-            *self._told,
-        ]
+        played = self.recorded if self._is_own else ", ".join(self._topics)
+        found = [f"{name}: form: plays {played} of {self.log.path}", *self._told]
         if self._is_own and not all(s.is_exact for s in self._sources):
             rounded = ", ".join(s.port.name for s in self._sources if not s.is_exact)
-            found.append(f"{name}: {rounded} from standard messages, which round and leave out")
+            found.append(f"{name}: form: {rounded} from standard messages, which round and leave out")
         if p.values:
-            found.append(f"{name}: `values` is now `constants`, as in level fmu")
+            found.append(f"{name}: form: `values` is now `constants`, as in level fmu")
         if p.between == "interpolate":
-            found.append(f"{name}: interpolated between recorded samples")
+            found.append(f"{name}: derived: interpolated between recorded samples")
         if self._skipped:
-            found.append(f"{name}: {self._skipped} samples came faster than rate_hz and were left out")
+            found.append(
+                f"{name}: unused: {self._skipped} samples came faster than rate_hz and were left out"
+            )
         for source, made in zip(self._sources, self._feeds, strict=True):
             if made.gaps:
                 begin, length = max(made.gaps, key=lambda g: g[1])
                 longest = f"the longest {length / NS:.2f} s at {begin / NS:.2f} s"
-                found.append(f"{name}.{source.port.name}: {len(made.gaps)} gaps in the log, {longest}")
+                found.append(f"{name}.{source.port.name}: lost: {len(made.gaps)} gaps in the log, {longest}")
             if made.unordered_count:
-                text = f"{made.unordered_count} samples out of order were left out"
+                text = f"timeline: {made.unordered_count} samples out of order were left out"
                 found.append(f"{name}.{source.port.name}: {text}")
         noted = {**self._context.notes, **self.log.notes}
         return found + [f"{name}: {note} ({n})" for note, n in noted.items()]
@@ -681,7 +680,9 @@ class LogPlayer:
             if own in ("", frame):
                 yield topic, t, message
             else:
-                note = f"messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
+                note = (
+                    f"sources: messages of {own} on {topic} left out beside those of {frame}: `frame: {own}`"
+                )
                 self._context.note(f"{note} plays them")
 
     def _from_numbers(self, source: Source, records: Iterator[Record], context: Context) -> Iterator[Timed]:
@@ -746,7 +747,7 @@ class LogPlayer:
         x, y, z = pose.position
         where = f"{x:.2f}, {y:.2f}, {z:.2f} m in {ground}"
         more = "" if ground.endswith(GROUND[0]) else ", taken to lie on the ground"
-        self._told.append(f"{self.setup.slot}: {frame} is at {where} by /tf_static{more}")
+        self._told.append(f"{self.setup.slot}: derived: {frame} is at {where} by /tf_static{more}")
         return pose
 
 

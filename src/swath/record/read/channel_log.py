@@ -11,26 +11,30 @@ from typing import Any
 
 from swath.core.units import DEG
 from swath.field_io.logs.channels import Channels, si_unit
-from swath.field_io.logs.columns import guess
+from swath.field_io.logs.held import Chosen, known_names
 
 KIND = "channel "  # before the unit of a channel, as the type of its topic
 POSITION, POSITION_TYPE = "position", "sensor_msgs/msg/NavSatFix"
 
 
 class ChannelLog:
-    """Reads a measurement as a recording; notes as of McapLog."""
+    """Reads a measurement as a recording; notes as of McapLog.
+
+    A name that several sources say is a topic, too, of the one that counts.
+    """
 
     def __init__(self, channels: Channels) -> None:
         self.path: Path = channels.path
         self._channels = channels
         self._factors: dict[str, float] = {}
         self._topics: dict[str, str] = {}
-        for name, unit in channels.units.items():
+        units = {**{name: channels.units[of[0]] for name, of in channels.sources.items()}, **channels.units}
+        for name, unit in units.items():
             symbol, self._factors[name] = si_unit(unit) or (unit, 1.0)
             self._topics[name] = f"{KIND}{symbol}"
-        shown = {f"{name} [{unit}]" if unit else name: name for name, unit in channels.units.items()}
-        known = {key: shown[c.column] for key, c in guess([*shown], self.path).columns.items()}
-        places = {known[k]: k for k in ("lat", "lon", "elevation") if k in known}
+        self._keys = {name: key for key, name in known_names(channels).items()}
+        self._chosen = Chosen()
+        places = {name: k for name, k in self._keys.items() if k in ("lat", "lon", "elevation")}
         angles = [name for name in places if self._topics[name] == f"{KIND}rad"]
         self._place = places if len(angles) == 2 and POSITION not in self._topics else {}
         if self._place:
@@ -39,7 +43,7 @@ class ChannelLog:
     @property
     def notes(self) -> dict[str, int]:
         """What was assumed or could not be read, with how often."""
-        return self._channels.notes
+        return {**self._channels.notes, **dict.fromkeys(self._chosen.notes, 1)}
 
     def forget_notes(self) -> None:
         """What is noted on opening stays."""
@@ -60,13 +64,20 @@ class ChannelLog:
         """(topic, time [ns], message) of some topics, and the first one of another, in the order of time."""
         rest = {also_first} - {""}
         place = self._place if POSITION in {*wanted, *rest} else {}
-        asked = ({*wanted} | rest | place.keys()) & self._channels.units.keys()
+        asked = ({*wanted} | rest | place.keys()) & self._factors.keys()
+        into: dict[str, list[tuple[str, float]]] = {}
+        new = {name: self._keys.get(name, name) for name in sorted(asked - self._chosen.parts.keys())}
+        self._chosen.add(self._channels, new, lambda key, source: f"topic {source}")
+        for name in sorted(asked):
+            for part, factor in self._chosen.of(name).items():
+                into.setdefault(part, []).append((name, factor * self._factors[name]))
         at: dict[str, float] = {}
-        for t, name, value in self._channels.samples(asked) if asked else ():
-            value *= self._factors[name]
-            if name in place:
-                at[place[name]] = value
-            found: list[tuple[str, Any]] = [(name, SimpleNamespace(data=value))]
+        for t, part, number in self._channels.samples(into) if into else ():
+            found: list[tuple[str, Any]] = []
+            for name, factor in into[part]:
+                found.append((name, SimpleNamespace(data=number * factor)))
+                if name in place:
+                    at[place[name]] = number * factor
             if {"lat", "lon"} <= at.keys():
                 found.append((POSITION, _fix(at)))
                 at = {k: v for k, v in at.items() if k == "elevation"}

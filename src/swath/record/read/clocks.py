@@ -69,7 +69,8 @@ class Clocks:
             clock = self._of[of] = _Clock(zero, (stamp, t), (stamp, t), t - stamp - zero)
         elif step := clock.follow(stamp, t):
             to = "back" if step < 0 else "ahead"
-            note(f"the clock of {of} was set {to} by {abs(step) / NS:.2f} s: its times go on from before")
+            far = f"{to} by {abs(step) / NS:.2f} s"
+            note(f"timeline: the clock of {of} was set {far}: its times go on from before")
         return stamp + clock.shift
 
     def _zero(self, of: str, late: int, note: Callable[[str], None]) -> int:
@@ -78,9 +79,9 @@ class Clocks:
             if -EARLY <= late - zero <= LATE:
                 if zero not in self.zeros:
                     self.zeros.append(zero)
-                    note(f"stamps of {of} are {scales[zero]}, which is taken off")
+                    note(f"clock: stamps of {of} are {scales[zero]}, which is taken off")
                 return zero
         self.zeros.append(late)
         text = "they count from when the first was received, as if that took no time"
-        note(f"stamps of {of} are not on the clock of the log: {text}")
+        note(f"clock: stamps of {of} are not on the clock of the log: {text}")
         return late

@@ -75,9 +75,11 @@ class Context:
             if below is not None and found is not None:
                 x, y, z = below.position
                 away = f" and {hypot(x, y):.2f} m beside" if hypot(x, y) > 0.005 else ""
-                self.note(f"poses of {child} brought down to {found[0]}, {-z:.2f} m below it{away}")
+                self.note(f"derived: poses of {child} brought down to {found[0]}, {-z:.2f} m below it{away}")
             elif found is None and child and not is_own(child):
-                self.note(f"poses of {child} count as the machine's, /tf_static knows none of its frames")
+                self.note(
+                    f"reference: poses of {child} count as the machine's, /tf_static knows none of its frames"
+                )
         return self._below[child]
 
 

@@ -151,10 +151,15 @@ class BagLog:
                 return
             is_packed = _bounded(reader, self.path)
             records = iter(reader.messages(connections=connections))
+            counts = [c.msgcount for c in connections]
+            stated, count = sum(own_count for own_count in counts), 0
             while True:
                 try:
                     connection, reached, data = next(records)
+                    count += 1
                 except StopIteration:
+                    if count < stated:
+                        self.notes[f"lost: messages of {stated:,} that the file states"] = stated - count
                     return
                 except Exception:  # what breaks off differs from format to format
                     self.notes[f"{CUT_OFF} after {(reached - self._begin) / NS:.2f} s"] = 1

@@ -126,7 +126,7 @@ def read_fixes(messages: Iterable[tuple[str, int, Any]], context: Context) -> Fi
     known = np.isfinite(place[:, 2])
     if not known.all():
         found = f"those of {known.sum()} others" if known.any() else "one plane, the terrain is not followed"
-        context.note(f"{(~known).sum()} positions without a height: put on {found}")
+        context.note(f"heights: {(~known).sum()} positions without a height: put on {found}")
         seconds = (times[:, 1] - times[0, 1]) / NS
         place[:, 2] = np.interp(seconds, seconds[known], place[known, 2]) if known.any() else 0.0
     return Fixes(times[:, 0], times[:, 1], place)

@@ -55,9 +55,9 @@ def in_time_order(found: Iterable[Found | int], held_bytes: int = HELD_BYTES) ->
 
 
 MAGIC = b"\x89MCAP0\r\n"
-CUT_OFF = "recording broke off"
-BROKEN = "messages not readable"
-DAMAGED = "parts of the file are damaged and left out"
+CUT_OFF = "damaged: recording broke off"
+BROKEN = "damaged: messages not readable"
+DAMAGED = "damaged: parts of the file that are left out"
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F  # opcodes of MCAP
 _HEAD = struct.Struct("<HIQQ")  # of a message: channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the compression's name
@@ -155,6 +155,11 @@ class McapLog:
         except Exception:  # torn, or no index
             return None
 
+    def _stated(self) -> int:
+        """Messages that the file says it has; 0 where it does not say."""
+        summary = self._summary()
+        return 0 if summary is None or summary.statistics is None else int(summary.statistics.message_count)
+
     def _records(
         self, is_wanted: Callable[[str], bool], *, channels: bool = False
     ) -> Iterator[tuple[Any, Any, int, bytes]]:
@@ -170,7 +175,7 @@ class McapLog:
         known: dict[int, tuple[Any, Any]] = {}
         schemas: dict[int, Any] = {}
         first: int | None = None
-        reached = 0
+        reached = count = 0
         with open_to_read(self.path, "recording", "a recording") as file:
             try:
                 for entry in self._entries(file):
@@ -186,9 +191,12 @@ class McapLog:
                         yield entry
                     else:
                         number, t, data = entry
+                        count += 1
                         first, reached = t if first is None else first, max(reached, t)
                         if number in known and is_wanted(known[number][0].topic):
                             yield (*known[number], t, bytes(data))
+                if count < (stated := self._stated()):
+                    self.notes[f"lost: messages of {stated:,} that the file states"] = stated - count
             except GeneratorExit:
                 raise
             except Exception:  # the ways in which a torn file fails are those of zstd, struct and mcap

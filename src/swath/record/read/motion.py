@@ -30,7 +30,7 @@ class _States:
     def __call__(self, message: Any, t: int) -> MachineState | None:
         at, pose = self.context.stamp(message, t), self.context.pose(message)
         if not (np.isfinite(pose.position).all() and np.isfinite(pose.rotation).all()):
-            self.context.note("poses that are not finite left out")
+            self.context.note("lost: poses that are not finite left out")
             return None
         ahead = side = turn = 0.0
         if self.last is not None and at > self.last[0]:

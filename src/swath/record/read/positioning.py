@@ -39,7 +39,7 @@ class FixOfNavSat:
             wide, high = _sd(message.position_covariance[::4])
         claimed = CLAIMED[min(int(message.status.status), 2)]
         if not isfinite(wide):
-            self._note(f"fixes without their accuracy, called {claimed} by their status")
+            self._note(f"derived: fixes without their accuracy, called {claimed} by their status")
         earth = radians(place[0, 0]), radians(place[0, 1]), float(place[0, 2])
         quality = max(FIX_QUALITIES.index(claimed), FIX_QUALITIES.index(called(wide)))
         return Fix(t, x, y, z, nan, nan, wide, high, nan, quality, *earth)
@@ -57,7 +57,7 @@ def fix_of_odometry(context: Context, message: Any, t: int) -> Fix:
     q = message.pose.pose.orientation
     course = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
     if not isfinite(wide):
-        context.note("fixes without their accuracy, called single")
+        context.note("derived: fixes without their accuracy, called single")
     return Fix(
         t,
         float(at.x),

@@ -18,7 +18,7 @@ from swath.record.read.mcap_log import Cut, McapLog, unpacked
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 5, 6, 7  # values of the field `op`
 Record = tuple[dict[bytes, bytes], bytes]
-Span = tuple[int, int, int]  # first and last log time [ns] of a chunk, and its place
+Span = tuple[int, int, int, int]  # first and last log time [ns] of a chunk, its place, messages in it
 
 
 class Rosbag1(McapLog):
@@ -34,7 +34,7 @@ class Rosbag1(McapLog):
         """Log time of the last message [ns]; 0 where there is none."""
         with open_to_read(self.path, "recording", "a recording") as file:
             index = _index(file)
-        return super().end() if index is None else max((last for _, last, _ in index[1]), default=0)
+        return super().end() if index is None else max((last for _, last, *_ in index[1]), default=0)
 
     def _indexed_topics(self) -> dict[str, tuple[int, Any]] | None:
         from mcap.records import Channel, Schema
@@ -50,6 +50,11 @@ class Rosbag1(McapLog):
     def _summary(self) -> Any:
         return None
 
+    def _stated(self) -> int:
+        with open_to_read(self.path, "recording", "a recording") as file:
+            index = _index(file)
+        return 0 if index is None else sum(message_count for *_, message_count in index[1])
+
     def _entries(self, file: Any) -> Iterator[Any]:
         """Schemas, channels and (channel number, log time, data) of messages, as MCAP would have them."""
         index = _index(file)
@@ -58,7 +63,7 @@ class Rosbag1(McapLog):
                 yield from _inside(header, body)
             raise Cut
         yield from index[0]
-        for first, _, at in sorted(index[1], key=lambda span: (span[0], span[2])):
+        for first, _, at, _ in sorted(index[1], key=lambda span: (span[0], span[2])):
             yield first
             found = next(_records(file, at, _size(file)), None)
             if found is None or found[0].get(b"op") != bytes([_CHUNK]):
@@ -97,7 +102,9 @@ def _index(file: Any) -> tuple[list[Any], list[Span]] | None:
             declared += list(_entry(header, body))
         elif op == bytes([_CHUNK_INFO]):
             first, last = (_time(header[name]) for name in (b"start_time", b"end_time"))
-            spans.append((first, last, int.from_bytes(header[b"chunk_pos"], "little")))
+            counts_of = struct.iter_unpack("<II", body[: len(body) // 8 * 8])  # connection, messages of it
+            place = int.from_bytes(header[b"chunk_pos"], "little")
+            spans.append((first, last, place, sum(own_count for _, own_count in counts_of)))
     return (declared, spans) if [len(declared) // 2, len(spans)] == counts else None
 
 

@@ -105,24 +105,22 @@ def point_times(table: NDArray[np.void], stamp: int, note: Callable[[str], None]
             late = _late(table[name], stamp, unit, is_relative)
             if _is_sweep(late) and np.abs(late).max() <= STAMP_NEAR_S:
                 if (unit, is_relative) != usual:
-                    begin = "after the stamp" if is_relative else "of the clock"
-                    note(
-                        f"times of points ({name}) are {UNITS[unit]} {begin}, as far as they can be reported"
-                    )
+                    unit_said = f"{UNITS[unit]} {'after the stamp' if is_relative else 'of the clock'}"
+                    note(f"clock: times of points ({name}) are {unit_said}, as far as they can be reported")
                 return late
     for name, unit in product([n for n in names if n not in (*POINT_TIMES, *"xyz", *BRIGHTNESS)], UNITS):
         late = _late(table[name], stamp, unit, False)
         if _is_sweep(late) and np.abs(late).max() <= STAMP_NEAR_S:
-            note(f"times of points are taken to be {name}, {UNITS[unit]} of the clock")
+            note(f"clock: times of points are taken to be {name}, {UNITS[unit]} of the clock")
             return late
     for name in known:
         for unit in (_usual(table, name)[0], *UNITS):
             late = (table[name].astype(np.float64) - float(table[name].min())) * unit
             if _is_sweep(late):
-                note(f"times of points ({name}) are on another clock, the first counts as the stamp")
+                note(f"clock: times of points ({name}) are on another clock, the first counts as the stamp")
                 return np.asarray(late)
     what = f"times of points ({', '.join(known)}) are those of no sweep" if known else "no times of points"
-    note(f"{what}, all are at the stamp of their cloud")
+    note(f"clock: {what}, all are at the stamp of their cloud")
     return np.zeros(len(table))
 
 
@@ -145,7 +143,7 @@ def _is_sweep(late: F64) -> bool:
 def beam_times(message: Any, note: Callable[[str], None]) -> F64:
     """Time of each beam of a sensor_msgs/LaserScan after its stamp [s], (n,)."""
     if len(message.ranges) > 1 and not message.time_increment:
-        note("scans without time_increment, all beams are at the stamp")
+        note("clock: scans without time_increment, all beams are at the stamp")
     return np.asarray(np.arange(len(message.ranges)) * float(message.time_increment), dtype=np.float64)
 
 

@@ -1,0 +1,179 @@
+"""Stamps that begin again, are relative or set back, and values that hold as the format says."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swath.field_io.logs.frames import BACK, Axis
+from swath.record.read.channel_log import ChannelLog
+from tests.readers.made_channels import (
+    CHANNELS,
+    COUNT,
+    FLOW,
+    HALF,
+    T,
+    asc,
+    blf,
+    block,
+    frames,
+    group,
+    head,
+    lines,
+    mf4,
+    opened,
+    read,
+)  # fmt: skip
+
+for library in ("asammdf", "can", "cantools"):
+    pytest.importorskip(library)
+
+BEGUN = int(T[HALF])
+FIRST, SECOND = frames()[: 3 * HALF], frames()[3 * HALF :]
+AGAIN = [(t - BEGUN, *rest) for t, *rest in SECOND]
+WITHOUT_HEADER = [name for name in CHANNELS if name != "HeaderWidth"]
+
+TEXTS = {
+    "relative": head(stamps="relative") + block() + lines(FIRST + SECOND, relative=True),
+    "blocks that begin at 0": head() + block() + lines(FIRST) + block(BEGUN) + lines(AGAIN),
+    "blocks that go on": head() + block() + lines(FIRST) + block(BEGUN) + lines(SECOND),
+    "relative blocks": head(stamps="relative") + block() + lines(FIRST, relative=True) + block(BEGUN)
+    + lines(AGAIN, relative=True),
+    "a file behind the other": head() + block() + lines(FIRST) + head(BEGUN) + block(BEGUN) + lines(AGAIN),
+    "the second one in decimal": head() + block() + lines(FIRST) + head(BEGUN, base="dec") + block(BEGUN)
+    + lines(AGAIN, base="d"),
+    "no head": "base hex timestamps absolute\n" + lines(FIRST + SECOND),
+    "a block late in its measurement": head() + block(100) + lines(FIRST + SECOND),
+    "comments and blank lines": head() + "// version 9.0.0\n\n" + block() + "\n" + lines(FIRST + SECOND),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_blocks_and_stamps_of_a_text_are_one_drive(tmp_path, text):
+    found = read(asc(tmp_path / "log.asc", text))
+    assert not found.notes
+    assert found.rows == COUNT
+    assert found.span == pytest.approx(T[-1])
+    assert np.nanmean(found.flow) == pytest.approx(FLOW.mean(), rel=0.01)
+
+
+def test_what_begins_again_without_a_head_is_put_behind_and_told(tmp_path):
+    mixed = [(t if t < BEGUN else t - BEGUN, *rest) for t, *rest in frames()]
+    texts = [head() + block() + lines(mixed), head() + block() + lines(FIRST) + block() + lines(AGAIN)]
+    paths = [asc(tmp_path / f"{k}.asc", text) for k, text in enumerate(texts)]
+    paths.append(blf(tmp_path / "2.blf", mixed))
+    t = np.where(T < BEGUN, T, T - BEGUN)
+    paths.append(mf4(tmp_path / "3.mf4", group(t=t)))
+    for path in paths:
+        found = read(path)
+        assert found.doubts == ["timeline"], path
+        assert found.rows == COUNT
+        assert np.nanmean(found.flow) == pytest.approx(FLOW.mean(), rel=0.01)
+
+
+def test_all_groups_begin_again_together(tmp_path):
+    t = np.where(T < BEGUN, T, T - BEGUN)
+    path = mf4(
+        tmp_path / "log.mf4", group(WITHOUT_HEADER, t=t), group(["HeaderWidth"], slice(None, None, 5), t=t)
+    )
+    found = read(path)
+    assert found.doubts == ["timeline"]
+    times = {}
+    for name, at, _ in opened(path).blocks(["Speed", "HeaderWidth"]):
+        times.setdefault(name, []).extend(at.tolist())
+    assert set(times["HeaderWidth"]) <= set(times["Speed"])
+
+
+def test_a_bus_that_stands_behind_the_other_is_beside_it(tmp_path):
+    found = read(asc(tmp_path / "log.asc", frames() + frames(bus=2)))
+    assert not found.doubts
+    assert found.span == pytest.approx(T[-1])
+
+
+@given(st.lists(st.lists(st.integers(0, 10**12), min_size=1, max_size=20), min_size=1, max_size=4))
+@settings(max_examples=60)
+def test_one_axis_of_blocks_never_goes_back_and_keeps_steps(parts):
+    stamps = [t for part in parts for t in sorted(part)]
+    axis = Axis()
+    made = [axis.time(1, t) for t in stamps]
+    steps, kept = np.diff(stamps), np.diff(made)
+    falls = steps < -BACK
+    assert (kept[~falls] == steps[~falls]).all()
+    assert (kept[falls] > 0).all()
+    blocks = [np.array(stamps[k : k + 7], np.int64) for k in range(0, len(stamps), 7)]
+    for again in (Axis(), Axis(axis.shifts, is_one_by_one=True)):
+        np.testing.assert_array_equal(np.concatenate([again.times(1, block) for block in blocks]), made)
+
+
+def test_a_value_holds_to_the_next_one_of_its_channel(tmp_path):
+    seldom = {"once": slice(1), "twice": slice(0, 200, 199), "each 20 s": slice(None, None, 20)}
+    for name, rows in seldom.items():
+        path = mf4(tmp_path / f"{name}.mf4", group(WITHOUT_HEADER), group(["HeaderWidth"], rows))
+        widths = _numbers(path, "HeaderWidth [m]")
+        assert (widths == 9.0).all(), name
+
+
+@pytest.mark.parametrize("kind", ["asc", "blf"])
+def test_a_message_sent_once_holds_and_one_that_stops_does_not(tmp_path, kind):
+    writer = {"asc": asc, "blf": blf}[kind]
+    made = [m for k, m in enumerate(frames()) if (m[1] != 257 or k < 3) and (m[1] != 258 or k < 3 * HALF)]
+    path = writer(tmp_path / f"log.{kind}", made)
+    assert np.nanmax(_numbers(path, "HeaderWidth [m]")[1:]) == 9.0
+    assert np.isfinite(_numbers(path, "HeaderWidth [m]")[1:]).all()
+    found = read(path)
+    assert np.isfinite(found.flow).sum() == HALF - 1
+    assert found.doubts == ["lost"]
+
+
+def test_a_channel_of_mf4_that_ends_early_is_told_and_not_drawn_out(tmp_path):
+    rest = [name for name in CHANNELS if name != "GrainFlow"]
+    found = read(mf4(tmp_path / "log.mf4", group(rest), group(["GrainFlow"], slice(HALF))))
+    assert found.doubts == ["lost"]
+    assert np.isfinite(found.flow).sum() == HALF
+    gap = np.r_[0:100, 200:COUNT]
+    found = read(mf4(tmp_path / "gap.mf4", group(rest), group(["GrainFlow"], gap)))
+    assert found.doubts == ["lost"]  # it holds to the next one, as the format says
+    assert np.isfinite(found.flow).all()
+
+
+def test_records_of_one_time_are_one_row(tmp_path):
+    twice = np.repeat(np.arange(COUNT), 2)
+    found = read(mf4(tmp_path / "log.mf4", group(rows=twice)))
+    assert (found.rows, found.notes) == (COUNT, [])
+
+
+def test_an_invalid_channel_ends_no_group(tmp_path):
+    bad = np.random.default_rng(4).random(COUNT) < 0.5
+    moist = (np.full(COUNT, 14.0), "%", T, {"invalidation_bits": bad})
+    path = mf4(tmp_path / "log.mf4", group(Moisture=moist))
+    assert (np.isnan(_numbers(path, "Moisture [%]")) == bad).all()
+    played = [*ChannelLog(opened(path)).messages(["position"])]
+    assert played[-1][1] == round(T[-1] * 1e9)
+
+
+@pytest.mark.parametrize("table", [
+    {"val_0": 65535, "text_0": "SNA", "default_addr": {"a": 0.001, "b": 0.0}},
+    {"lower_0": 65000, "upper_0": 65535, "text_0": "invalid", "default_addr": {"a": 0.001, "b": 0.0}},
+], ids=["value", "range"])  # fmt: skip
+@pytest.mark.parametrize("count", [COUNT, 40])
+def test_only_the_value_that_is_a_word_is_no_number(tmp_path, table, count):
+    bad = np.random.default_rng(4).random(count) < 0.2
+    raw = np.where(bad, 65535, np.round(FLOW[:count] * 1000)).astype("u2")
+    flow = (raw, "kg/s", T[:count], {"conversion": table})
+    path = mf4(tmp_path / "log.mf4", group(rows=slice(count), GrainFlow=flow))
+    np.testing.assert_allclose(read(path).flow, np.where(bad, np.nan, FLOW[:count]))
+
+
+def test_a_table_of_some_words_leaves_the_rest_as_it_is(tmp_path):
+    raw = np.where(np.arange(COUNT) % 7 == 0, 255, 14).astype("u1")
+    moist = (raw, "%", T, {"conversion": {"val_0": 255, "text_0": "not available"}})
+    made = _numbers(mf4(tmp_path / "log.mf4", group(Moisture=moist)), "Moisture [%]")
+    np.testing.assert_array_equal(made, np.where(raw == 255, np.nan, 14.0))
+
+
+def _numbers(path, name):
+    from swath.core.apart.call import written_here
+    from swath.field_io.logs.table import read_table
+
+    written_here(path)
+    return read_table(path).numbers(name)
