@@ -93,8 +93,17 @@ def late(rng, inflow, delay, lag):
     return np.interp(t - shift, t, whole, left=0.0, right=0.0)
 
 
-def draw(seed):
-    """One log."""
+def _dying(flow, cuts, delay, tail_s):
+    """The same, where the machine empties slowly once no crop comes: exponentially, by tail_s."""
+    late = np.roll(cuts, round(10 * delay))
+    begun = np.maximum.accumulate(np.where(late, np.arange(len(flow)), 0))
+    return np.where(
+        late, flow, np.maximum(flow, flow[begun] * np.exp(0.1 * (begun - np.arange(len(flow))) / tail_s))
+    )
+
+
+def draw(seed, *, has_work_state=False, tail_s=0.0):
+    """One log. has_work_state: a column says whether the header cuts; tail_s: of a flow that dies away."""
     rng = np.random.default_rng(seed)
     width, speed, interval = (
         rng.uniform(3, 13),
@@ -133,6 +142,7 @@ def draw(seed):
         v = np.hypot(np.gradient(x), np.gradient(y)) / 0.1
         inflow = np.where(cuts, grown(x, y) * v * width, 0.0)
         flow = late(rng, inflow, delay, rng.uniform(0.5, 2.5))
+        flow = _dying(flow, cuts, delay, tail_s) if tail_s else flow
         rows = np.arange(0, len(x), int(interval * 10))
         kept = np.full(len(rows), True) if has_turns else ends[rows] % 2 == 0
         for _ in range(int(rng.integers(0, 4))):  # a gap of the receiver or the terminal
@@ -150,6 +160,7 @@ def draw(seed):
             "x": x[rows] + rng.normal(0, wander, len(rows)), "y": y[rows] + rng.normal(0, wander, len(rows)),
             "speed_m_s": np.round(v[rows], 2), "moisture_pct": 14.0 + 0.002 * y[rows],
             form: shown * {**FLOWS, **YIELDS}[form], "width_m": np.full(len(rows), round(width, 3)),
+            **({"work_state": np.where(cuts[rows], "in", "out")} if has_work_state else {}),
         })  # fmt: skip
     held = {key: np.concatenate([c[key] for c in columns]) for key in columns[0]}
     lon, lat = rng.uniform(-3, 20), rng.uniform(44, 56)

@@ -61,9 +61,9 @@ def test_longitudes_from_0_to_360_are_those_of_the_west(tmp_path, place):
 @pytest.mark.parametrize(
     ("changed", "cause"),
     [
-        (lambda h: {"lat": np.round(h.lat, 4), "lon": np.round(h.lon, 4)}, "positions = .*very spot.*digits"),
-        (lambda h: {"speed_kmh": 0.1 * h.one}, "speed = 0.1 km/h logged, 7.2 km/h by positions"),
-        (lambda h: {"yield_t_ha": 5.4 * (h.t < 25.0)}, "grain_flow = 0 in 9.%"),
+        (lambda h: {"lat": np.round(h.lat, 4), "lon": np.round(h.lon, 4)}, "place = .*very spot.*digits"),
+        (lambda h: {"speed_kmh": 0.1 * h.one}, "timeline = 0.1 km/h logged, 7.2 km/h by positions"),
+        (lambda h: {"yield_t_ha": 5.4 * (h.t < 25.0)}, "lost = flow of 0 in 9.%"),
     ],
 )
 def test_a_refusal_names_the_cause_and_no_filter(tmp_path, changed, cause):
@@ -78,5 +78,5 @@ def test_a_yield_beyond_those_of_the_crop_is_told(tmp_path, times, is_told):
     h = Harvest(passes=6, length=160.0)
     log = {k: v for k, v in columns(h).items() if k != "yield_t_ha"} | {"grain_flow_kg_s": times * h.flow}
     report = import_log(table(tmp_path / "log.csv", log), tmp_path / "field", progress=False)
-    told = [note for note in report.notes if note.startswith("crop.yield: ") and "usual of wheat" in note]
+    told = [note for note in report.notes if note.startswith("yield: ") and "usual of wheat" in note]
     assert bool(told) == is_told

@@ -86,7 +86,7 @@ def test_right_positions_are_read_without_a_word_whatever_the_log_holds(tmp_path
     columns = {name: values for name, values in witnesses(h).items() if name not in left}
     log = read_log(written(tmp_path, h.lat, h.lon, columns))
     assert off(log, h) < 0.01
-    assert not [note for note in log.notes if note.startswith("positions")]
+    assert not [note for note in log.notes if note.startswith("place:")]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -96,7 +96,7 @@ def test_wrong_positions_are_refused_with_entries_that_mend_them(tmp_path, wrong
     log = written(tmp_path, *WRONG[wrong](h.lat, h.lon), witnesses(h))
     with pytest.raises(InputError) as refused:
         read_log(log)
-    assert refused.value.key == "log.positions"
+    assert refused.value.key == "place"
     assert min(mended(log, h, refused.value, tmp_path)) < 0.01, refused.value.others
 
 
@@ -112,7 +112,7 @@ def test_one_witness_is_enough_where_it_lies_across_the_stretched_axis(tmp_path,
     if not is_seen:  # passes along the stretched axis, their spacing is right
         assert read_log(log).epsg == utm_epsg(52.0, 9.0)
         return
-    with pytest.raises(InputError, match=r"positions = lat in deg, .*lat and lon exchanged") as refused:
+    with pytest.raises(InputError, match=r"place = lat in deg, .*lat and lon exchanged") as refused:
         read_log(log)
     assert min(mended(log, h, refused.value, tmp_path)) < 0.01
 
@@ -123,8 +123,8 @@ def test_what_the_user_says_counts_and_the_doubt_is_told(tmp_path):
     (tmp_path / "map.yaml").write_text("lat: {unit: deg}\nlon: {unit: deg}\n")
     read = read_log(log, tmp_path / "map.yaml")
     assert read.epsg == utm_epsg(52.0, 9.0)
-    told = next(note for note in read.notes if note.startswith("positions"))
-    assert re.match(r"positions: lat in deg, lon in deg, though .*passes lie 14\.", told)
+    told = next(note for note in read.notes if note.startswith("place:"))
+    assert re.match(r"place: lat in deg, lon in deg, though .*passes lie 14\.", told)
 
 
 GRID = {"cm": (100.0, False), "km": (1e-3, False), "exchanged": (1.0, True), "exchanged, cm": (100.0, True)}
@@ -141,7 +141,7 @@ def test_eastings_and_northings_in_other_units_or_order_are_refused(tmp_path, wr
     log = table(tmp_path / "log.csv", places | witnesses(h))
     crs = f"crs: EPSG:{epsg}"
     (tmp_path / "crs.yaml").write_text(crs)
-    with pytest.raises(InputError, match=r"log\.positions") as refused:
+    with pytest.raises(InputError, match="place = ") as refused:
         read_log(log, tmp_path / "crs.yaml")
     assert min(mended(log, h, refused.value, tmp_path, crs)) < 0.1, refused.value.others
 
@@ -216,4 +216,4 @@ def test_a_measured_log_is_read_without_a_doubt_of_its_positions():
     if not path.is_file():
         pytest.skip("needs real yield logs: SWATH_DATA")
     notes = read_log(path, header_width=9.144, crop="maize").notes
-    assert not [note for note in notes if note.startswith("positions")]
+    assert not [note for note in notes if note.startswith("place:")]

@@ -56,7 +56,7 @@ def test_2018_was_shifted_by_its_monitor(henrys):
     report, _ = henrys
     for machine in report.machines:
         assert abs(machine["flow_delay_s"]) < 2.5 or machine["flow_delay_method"].startswith("not known")
-    assert not [note for note in report.notes if note.startswith("positions")]
+    assert not [note for note in report.notes if note.startswith("place:")]
 
 
 def test_2018_heights_agree_with_another_interpolation(henrys):
@@ -102,14 +102,14 @@ def test_the_shapefile_gives_the_same_records_as_its_conversion():
         "elevation": 1e-3,
     }.items():
         np.testing.assert_allclose(getattr(raw, name), getattr(log, name), rtol=0, atol=off)
-    assert not [note for note in raw.notes if note.startswith("positions")]
+    assert not [note for note in raw.notes if note.startswith("place:")]
 
 
 @pytest.mark.draws
 def test_2014_was_shifted_by_its_monitor(west):
     report, _ = west
     assert report.machines[0]["flow_delay_s"] == pytest.approx(-1.0, abs=0.2)
-    assert not [note for note in report.notes if note.startswith("positions")]
+    assert not [note for note in report.notes if note.startswith("place:")]
 
 
 @pytest.mark.draws
@@ -128,7 +128,7 @@ def test_2014_positions_that_jump_are_no_second_machine(west):
     """3,932 records lie far from the others, in blocks and one by one; they do not alternate with them."""
     report, _ = west
     assert len(report.machines) == 1
-    assert not any("machines distinguished" in note for note in report.notes)
+    assert not any("distinguished by their positions" in note for note in report.notes)
 
 
 @pytest.mark.draws

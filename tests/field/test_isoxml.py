@@ -87,7 +87,8 @@ def test_what_was_cut_off_is_said_with_file_and_byte(tmp_path):
     assert len(read) == 9
     assert read.logs[0].unread == len(parts[9]) - 3
     assert read.problems == (
-        f"TLG00001.bin: byte {at}: expected a whole record, the last {len(data) - at} bytes are none",
+        f"damaged: TLG00001.bin: byte {at}: expected a whole record, "
+        f"the last {len(data) - at} bytes are none",
     )
 
 
@@ -101,7 +102,7 @@ def test_reading_goes_on_behind_broken_bytes(tmp_path):
     want = np.delete(np.arange(30.0), 10)
     np.testing.assert_allclose(read.time, want)
     np.testing.assert_allclose(read.columns()["engine_speed_rpm"], 1000.0 + want)
-    assert read.problems == (f"TLG00001.bin: byte {start}: no record, {length} bytes skipped",)
+    assert read.problems == (f"damaged: TLG00001.bin: byte {start}: no record, {length} bytes skipped",)
 
 
 def test_a_missing_file_does_not_hide_the_others(tmp_path):

@@ -222,22 +222,22 @@ def test_the_field_is_the_one_that_was_harvested(tmp_path, form):
 
 
 REFUSED = {
-    "width_ft": (r"header_width = width_ft in ft.*passes lie 9\.00 m apart, which would be in m.*--columns",
+    "width_ft": (r"width = header_width: width_ft in ft.*passes lie 9\.00 m apart.* be in m.*--columns",
                  lambda h: {"width_ft": 9 * h.one, "flow_kg_s": h.flow}),
-    "speed_kmh": (r"speed = speed_kmh in km/h.*7\.20 km/h by positions and times.*in m/s.*--columns",
+    "speed_kmh": (r"plausible = speed: speed_kmh in km/h.*7\.20 km/h by positions.*in m/s.*--columns",
                   lambda h: {"width_m": 9 * h.one, "speed_kmh": 2 * h.one, "flow_kg_s": h.flow}),
-    "speed_mph": (r"speed = speed_mph in mph.*in km/h", lambda h: {
+    "speed_mph": (r"plausible = speed: speed_mph in mph.*in km/h", lambda h: {
         "width_m": 9 * h.one, "speed_mph": 7.2 * h.one, "flow_kg_s": h.flow}),
-    "flow_kg_s": (r"grain_flow = flow_kg_s in kg/s.*yield_t_ha.*in lb/s", lambda h: {
+    "flow_kg_s": (r"yield = grain_flow: flow_kg_s in kg/s.*yield_t_ha.*in lb/s", lambda h: {
         "width_m": 9 * h.one, "flow_kg_s": h.flow / LB, "yield_t_ha": h.wet * 10}),
-    "no yield of any crop": (r"yield = Yield without a unit.*wheat yields 0\.9 to 18 t/ha.*no unit",
+    "no yield of any crop": (r"yield = yield: Yield without a unit.*wheat yields 0\.9 to 18 t/ha.*no unit",
                              lambda h: {
         "Width": 9 * h.one, "Yield": h.wet * 1e7}),
-    "a crop that failed": (r"yield = Yield without a unit.*wheat yields 0\.9 to 18 t/ha", lambda h: {
+    "a crop that failed": (r"yield = yield: Yield without a unit.*wheat yields 0\.9 to 18 t/ha", lambda h: {
         "Width": 9 * h.one, "Yield": h.wet}),
-    "no clock at all": (r"time = time: by it as s the machine drives .* expected both to agree.*time: null",
+    "no clock at all": (r"timeline = time: by it as s the machine drives .* both to agree.*time: null",
                         lambda h: {"time": h.t * 100.0, "width_m": 9 * h.one, "flow_kg_s": h.flow}),
-    "no moisture of grain": (r"moisture = Moisture without a unit", lambda h: {
+    "no moisture of grain": (r"moisture = moisture: Moisture without a unit", lambda h: {
         "Width": 9 * h.one, "Yield": h.wet * 10, "Moisture": 1400 * h.one}),
 }  # fmt: skip
 
@@ -246,8 +246,8 @@ def test_other_causes_are_told_and_not_refused(tmp_path):
     h = Harvest()
     columns = {**h.places(), "time": h.t, "width_m": 9 * h.one, "speed_kmh": 7.8 * h.one, "flow_kg_s": h.flow}
     log = read_log(table(tmp_path / "a.csv", columns | {"distance_m": 5 * h.one}))
-    assert "speed: speed_kmh in km/h, though 7.20 km/h by positions and times" in log.notes
-    assert "distance: distance_m not used: the positions show it otherwise" in log.notes
+    assert "plausible: speed: speed_kmh in km/h, though 7.20 km/h by positions and times" in log.notes
+    assert "unused: distance: distance_m not used: the positions show it otherwise" in log.notes
     other = Harvest(width=24.0)
     columns = {
         **other.places(),
@@ -258,7 +258,7 @@ def test_other_causes_are_told_and_not_refused(tmp_path):
     }
     log = read_log(table(tmp_path / "b.csv", columns))
     assert log.width[0] == 12.0
-    assert "header_width: Width taken as m, though passes lie 24.00 m apart" in log.notes
+    assert "width: header_width: Width taken as m, though passes lie 24.00 m apart" in log.notes
 
 
 @pytest.mark.parametrize("wrong", REFUSED)
@@ -278,7 +278,7 @@ def test_the_users_word_wins_and_the_contradiction_is_told(tmp_path):
     (tmp_path / "map.yaml").write_text("header_width: {unit: ft}\n")
     log = read_log(path, tmp_path / "map.yaml")
     assert log.width[0] == pytest.approx(9 * FT)
-    assert "header_width: width_ft in ft, though passes lie 9.00 m apart" in log.notes
+    assert "width: header_width: width_ft in ft, though passes lie 9.00 m apart" in log.notes
     (tmp_path / "map.yaml").write_text("header_width: {unit: m}\n")
     assert read_log(path, tmp_path / "map.yaml").width[0] == pytest.approx(9.0)
     (tmp_path / "map.yaml").write_text("crop_height: {unit: m}\n")
@@ -291,7 +291,7 @@ def test_a_result_that_cannot_be_is_refused(tmp_path):
     path = table(tmp_path / "log.csv", {
         **h.places(), "time": h.t, "width_m": 9 * h.one, "yield_kg_ha": 10 * h.wet})  # fmt: skip
     with pytest.raises(
-        InputError, match=r"crop\.yield = 0\.0054\d t/ha.*yield_kg_ha in kg/ha.*of wheat.*--columns"
+        InputError, match=r"yield = 0\.0054\d t/ha.*yield_kg_ha in kg/ha.*of wheat.*--columns"
     ):
         import_log(path, tmp_path / "f", progress=False)
     assert not (tmp_path / "f").exists()
@@ -299,7 +299,7 @@ def test_a_result_that_cannot_be_is_refused(tmp_path):
         *h.places().items(), ("time", h.t), ("width_m", 9 * h.one), ("flow_kg_s", h.flow))}  # fmt: skip
     twice["time"][len(h) :] += h.t[-1] + 60.0
     report = import_log(table(tmp_path / "b.csv", twice), tmp_path / "g", progress=False)
-    assert any(re.match(r"crop.grain: .* t logged, .* t on the map", note) for note in report.notes)
+    assert any(re.match(r"yield: .* t logged, .* t on the map", note) for note in report.notes)
 
 
 def test_rows_without_names_are_numbered_and_can_be_named(tmp_path):

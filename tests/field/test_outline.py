@@ -285,7 +285,7 @@ def test_polygons_with_a_yield_each_are_records(tmp_path):
             file.poly([box(0, 9, 2 * k, 2 * k + 2)])
             file.record(5.4)
     assert not is_outline(tmp_path / "c.shp")
-    columns, points, _, _ = read_points(tmp_path / "c.shp", "log")
+    columns, points, *_ = read_points(tmp_path / "c.shp", "log")
     assert columns["Yield_t_ha"] == [5.4] * 120
     np.testing.assert_allclose(ORIGIN.to_local(points[:2]), [(4.5, 1.0), (4.5, 3.0)], atol=1e-3)
 

@@ -118,7 +118,7 @@ def test_fields_in_a_file_of_their_own(tmp_path):
     (data / "PFD00001.XML").write_text(f'<XFC><PFD A="PFD1" C="Home" D="1">{inside}</PFD></XFC>')
     assert area(data)[0] == pytest.approx(5.8, rel=1e-3)
     (data / "PFD00001.XML").unlink()
-    assert read_plan(data).problems == ["PFD00001.XML: referenced, but missing"]
+    assert read_plan(data).problems == ["damaged: PFD00001.XML: referenced, but missing"]
 
 
 def test_what_is_not_used_is_named_once(tmp_path):
@@ -180,7 +180,7 @@ def test_the_width_of_a_header_is_that_of_its_sections(tmp_path):
         data = task_data(harvest(tmp_path / name, [*GRAIN, *widths]), device=device)
         log = logged(data)
         assert (log.width == 9.0).all()
-        assert any(note.startswith("working_width_m: sum of DET-10 (") for note in log.notes)
+        assert any(note.startswith("derived: working_width_m: sum of DET-10 (") for note in log.notes)
 
 
 HALVES = COMBINE + section(10) + section(11)
@@ -401,7 +401,7 @@ def test_dates_lost_later_leave_only_their_times_out(tmp_path):
     binary.write_bytes(made)
     log = logged(data)
     assert len(log) == PASSES * (LONG // 2 + 1)
-    assert "TLG00001.bin: 10 records without a date: their time is left out" in log.notes
+    assert "clock: TLG00001.bin: 10 records without a date: their time is left out" in log.notes
     np.testing.assert_allclose(np.diff(log.time)[95:115], 1.0)
 
 

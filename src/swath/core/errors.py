@@ -187,9 +187,12 @@ def some_of(names: Iterable[str], most: int, between: str = ", ") -> str:
     return between.join(every) if len(every) <= most else _first_of(every, most, between)
 
 
-def capped(texts: Sequence[str], most: int) -> list[str]:
-    """The first of some lines, at most `most`, and one that says how many more there are."""
-    return [*texts[:most], *([f"and {len(texts) - most} more"] if len(texts) > most else [])]
+def capped(texts: Sequence[str], most: int, before: str = "") -> list[str]:
+    """The first of some lines, at most `most`, and one that says how many more there are.
+
+    before: begins that line
+    """
+    return [*texts[:most], *([f"{before}and {len(texts) - most} more"] if len(texts) > most else [])]
 
 
 def _first_of(names: list[str], count: int, between: str = ", ", left: int = 0) -> str:

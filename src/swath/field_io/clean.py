@@ -79,11 +79,12 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
         delays = estimate_delays(log)
     else:
         delays = [Delay(name, delay_s, "given", float("nan"), 0) for name in log.machine_names]
-    flow = shifted_flow(log, delays)
+    flow = np.where(log.working, shifted_flow(log, delays), 0.0)
     course, curvature, distance = geometry(log)
     header = _per_machine(log, log.width, lambda v: float(np.percentile(v, 95)))
     usual_speed = _per_machine(log, np.where(log.speed > 0.5, log.speed, np.nan), _median)
-    usual_flow = _per_machine(log, np.where(log.flow > 0.2, log.flow, np.nan), _median)
+    full = np.where(log.working & (log.flow > 0.2), log.flow, np.nan)
+    usual_flow = _per_machine(log, full, _median)
     area_rate = log.speed * log.width
     grain = np.where(area_rate > 0.1, flow / np.where(area_rate > 0.1, area_rate, 1.0), np.nan)
 
@@ -111,7 +112,8 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
     narrow = _narrow_strips(log, grain, pass_id, np.flatnonzero(reason < 0))
     reason[narrow] = REASONS.index("narrow_strip")
     reason[_outliers(log, grain, reason < 0)] = REASONS.index("yield_outlier")
-    cutting = ~standing & ~empty & (log.width > 0.0)
+    is_cut_off = np.array([d.is_cut_off for d in delays])[log.machine] & (log.flow >= LEAST_FLOW * usual_flow)
+    cutting = ~standing & (~empty | is_cut_off) & (log.width > 0.0) & log.working
     return Cleaned(log, cutting, tuple(delays), reason, flow, grain, pass_id, course, distance)
 
 
@@ -119,7 +121,8 @@ def clean_map(log: Log, inside: NDArray[np.bool_] | None = None) -> Cleaned:
     """Judge records whose order says nothing: by their own yield alone. All of them are one pass."""
     count, zeros = len(log), np.zeros(len(log))
     area_rate = log.speed * log.width
-    grain = np.where(area_rate > 0.0, log.flow / np.where(area_rate > 0.0, area_rate, 1.0), np.nan)
+    flow = np.where(log.working, log.flow, 0.0)
+    grain = np.where(area_rate > 0.0, flow / np.where(area_rate > 0.0, area_rate, 1.0), np.nan)
     known = grain[grain > 0.0]
     usual = float(np.median(np.log(known))) if len(known) else 0.0
     sigma = 1.4826 * float(np.median(np.abs(np.log(known) - usual))) if len(known) else 0.0
@@ -136,7 +139,7 @@ def clean_map(log: Log, inside: NDArray[np.bool_] | None = None) -> Cleaned:
         reason[(reason < 0) & failed] = REASONS.index(name)
     delays = tuple(Delay(name, 0.0, "none: a map", float("nan"), 0) for name in log.machine_names)
     kept = reason < 0
-    return Cleaned(log, kept, delays, reason, log.flow, grain, np.where(kept, 0, -1), zeros, zeros)
+    return Cleaned(log, kept, delays, reason, flow, grain, np.where(kept, 0, -1), zeros, zeros)
 
 
 def geometry(log: Log) -> tuple[Array, Array, Array]:

@@ -8,7 +8,7 @@ line for the pass that comes and the pass that goes: at the right d the flow beg
 counts where these agree with each other and within themselves; else it is not known.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -37,7 +37,17 @@ FEWEST_TURNS = 2  # at each end of the field
 # passes, and share of them, at whose begin or end the log shows the flow begin or end
 FEWEST_STARTS, LEAST_STARTS = 4, 0.5
 LEAD, LEAD_ERROR = 0.5, 0.3  # s, before the crop, at which a header is set down and records begin; estimated
-LEAST_ERROR = 0.1  # s, of an estimate
+LEAST_ERROR, LEAST_TOLD = (
+    0.1,
+    0.2,
+)  # s, of an estimate, and of the delay: 2 % of 60 drawn logs are off by twice it
+# of the time by which a fall lasts longer than a rise: an exponential one takes ln 9 time constants, and is
+# late by one, its turns by half
+DYING = 0.5 / np.log(9.0)
+NOISY = 3.0  # records by which a fall may last longer than a rise by chance
+HALF = 1.0  # s shown by the turns: below, half and whole delay are the same within what is told
+STEEP = "turns that begin and end at once"  # which may show half of the delay: no witness of their own
+AT_ONCE = 0.75  # of the begins or ends of a flow, from one record to the next: no machine empties so
 SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in the mean
 
 
@@ -50,6 +60,8 @@ class Delay:
     agreement: correlation of the yields of neighbouring passes at this delay, nan = they say nothing
     pair_count: pairs of records that were compared
     error: standard error of the delay [s], nan = not known
+    doubt: what shows a delay that is not known, '' = nothing
+    is_cut_off: the monitor shows no flow while the header is out, whatever comes through then
     """
 
     machine: str
@@ -58,6 +70,8 @@ class Delay:
     agreement: float
     pair_count: int
     error: float = float("nan")
+    doubt: str = ""
+    is_cut_off: bool = False
 
 
 def estimate_delays(log: Log) -> list[Delay]:
@@ -67,17 +81,22 @@ def estimate_delays(log: Log) -> list[Delay]:
     delays = []
     for index, name in enumerate(log.machine_names):
         own = (log.machine[first] == index) | (log.machine[second] == index)
-        edges = _of_turns(log, np.flatnonzero(log.machine == index))
-        delays.append(_joined(name, bands[index], edges, int(own.sum())))
+        edges, is_cut_off = _of_turns(log, np.flatnonzero(log.machine == index))
+        made = _joined(name, bands[index], edges, int(own.sum()))
+        delays.append(replace(made, is_cut_off=is_cut_off))
     return delays
 
 
 def shifted_flow(log: Log, delays: list[Delay]) -> Array:
-    """Grain flow [kg/s] at the place it was cut, shape (n,), nan where the log ends before it arrived.
+    """Grain flow [kg/s] at the place it was cut, shape (n,), nan where the log ends before it arrived, or it
+    arrived behind the end of a flow that is cut off.
 
     That of a machine whose delay is not known stays where it is.
     """
-    return _later(log, log.flow, np.nan_to_num([d.seconds for d in delays])[log.machine])
+    flow = _later(log, log.flow, np.nan_to_num([d.seconds for d in delays])[log.machine])
+    is_cut_off = np.array([d.is_cut_off for d in delays])[log.machine]
+    low = LEAST_FLOW * _usual(log.flow)
+    return np.where(is_cut_off & (flow < low) & (log.flow >= low), np.nan, flow)
 
 
 def _later(log: Log, values: Array, seconds: Array | float) -> Array:
@@ -108,7 +127,7 @@ def neighbour_pairs(log: Log) -> tuple[Indices, Indices, NDArray[np.bool_]]:
     nothing = none, none, none.astype(bool)
     width = float(np.median(log.width[log.width > 0.0])) if (log.width > 0.0).any() else 0.0
     forward = direction(log)
-    cutting = (log.speed > 0.8) & (log.width > 0.9 * width)
+    cutting = (log.speed > 0.8) & (log.width > 0.9 * width) & log.working
     index = np.flatnonzero(cutting & np.isfinite(forward[:, 0]))
     if len(index) < FEWEST_PAIRS or width <= 0.0:
         return nothing
@@ -158,14 +177,20 @@ def _joined(
     is_split = found is None or (passes is None and bool(bands))
     if found is None or is_split or found.error > SLACK or not is_enough:
         why = f"only {by[0]} show it" if len(by) == 1 else "its parts disagree" if by else "nothing shows it"
-        return Delay(name, np.nan, f"not known, flow not shifted: {why}", agreement, count)
+        late = [p.value for p in (*parts, *(p for p, _ in bands)) if abs(p.value) > SLACK + 3.0 * p.error]
+        doubt = (
+            f"of the flow not known, not taken off: {why}: {min(late):.0f} to {max(late):.0f} s"
+            if late
+            else ""
+        )
+        return Delay(name, np.nan, f"not known, flow not shifted: {why}", agreement, count, doubt=doubt)
     return Delay(
         name,
         round(found.value, 2),
         f"agreement of {' and '.join(by)}",
         agreement,
         count,
-        round(found.error, 2),
+        round(max(found.error, LEAST_TOLD), 2),
     )
 
 
@@ -183,7 +208,10 @@ def _of_passes(
         return found
     steady = _steady(log)
     flows = [_later(log, steady, float(seconds)) for seconds in TRIES]
-    between = float(np.median(np.diff(log.time)[~log.gap[1:]]))  # s from record to record
+    steps = np.diff(log.time)[~log.gap[1:]]
+    if not (steps > 0.0).any():
+        return found
+    between = float(np.median(steps[steps > 0.0]))  # s from record to record
     for band in BANDS:
         short, long = (2 * round(0.5 * s / between) + 1 for s in band)
         local = [_local(log, flow, short, long) for flow in flows]
@@ -329,29 +357,34 @@ def _usual(flow: Array) -> float:
 class _Stretch:
     """Consecutive records with flow, with records without flow before and after.
 
-    rise, fall: when it begins and ends [s], nan = the log does not show it
+    rise, fall: when it begins and ends [s], nan = the log does not show it; rise_lasts, fall_lasts: how long
+        each takes [s]
     forward: of the machine, in the middle [s], shape (2,)
     """
 
     middle: float
     rise: float
     fall: float
+    rise_lasts: float
+    fall_lasts: float
     forward: Array
 
 
-def _of_turns(log: Log, own: Indices) -> list[tuple[Estimate, str]]:
-    """Delay of a machine by its turns.
+def _of_turns(log: Log, own: Indices) -> tuple[list[tuple[Estimate, str]], bool]:
+    """Delay of a machine by its turns and by what the log says of its header, and whether that cuts off its
+    flow.
 
     At each end of the field the flow ends and begins on one line; the delay is what brings both onto it.
-    Where the log has no records of the turns: the time from the first record of a stretch to the begin of its
-    flow, or from the end of its flow to the last record.
+    A header that is set down, or a log without records of the turns, begins a stretch of records: the time
+    from it to the begin of its flow, and from its end to the end of the flow. A monitor may show no flow
+    while the header is out: then one of begin and end is that of the header, at once from all to nothing, and
+    the turns show half of the delay.
     """
-    clock, first, last = _clock(log)
-    position, begun, ended = log.position[own], clock[first][own], clock[last][own]
-    clock = clock[own]
+    clock = _clock(log)[0]
+    position, clock = log.position[own], clock[own]
     stretches = _stretches(clock, log.flow[own], position)
     if not stretches:
-        return []
+        return [], False
     found: tuple[list[float], list[float]] = ([], [])
     for before, after in pairwise(stretches):
         if not before.forward @ after.forward < -0.9:
@@ -363,20 +396,53 @@ def _of_turns(log: Log, own: Indices) -> list[tuple[Estimate, str]]:
             i = crossed[0]
             seconds = FINE[i] + (FINE[1] - FINE[0]) * off[i] / (off[i] - off[i + 1])
             found[int(after.forward @ stretches[0].forward > 0.0)].append(float(seconds))
-    if min(map(len, found)) >= FEWEST_TURNS:
+    shown = []
+    is_shown = min(map(len, found)) >= FEWEST_TURNS
+    needs_header = not is_shown or not log.working[own].all()
+    sides = _header_sides(log, own, clock, stretches) if needs_header else []
+    values = [side.value for side in sides]
+    lasts = np.array([(s.rise_lasts, s.fall_lasts) for s in stretches]).T
+    steep = np.array([(side == 0.0).sum() / max(np.isfinite(side).sum(), 1) for side in lasts])
+    is_steep = bool(steep.max() > AT_ONCE)
+    is_cut_off = is_steep and bool(steep.min() < 1.0 - AT_ONCE and np.isfinite(lasts).any(axis=1).all())
+    if len(sides) == 2:
+        is_cut_off = float(np.ptp(values)) > SLACK > float(np.abs(values).min())
+        is_steep = False
+    if is_shown:
         ends = [_middle(np.array(end)) for end in found]
         error = max(0.5 * float(np.hypot(ends[0].error, ends[1].error)), LEAST_ERROR)
-        return [(Estimate(0.5 * sum(end.value for end in ends), error), "its turns")]
-    here = np.searchsorted(clock, [s.middle for s in stretches])
-    between = 0.5 * float(np.median(np.diff(clock)))  # before the first record, in the mean
+        longer = float(np.nanmedian(lasts[1]) - np.nanmedian(lasts[0]) - NOISY * np.median(np.diff(clock)))
+        dying = DYING * max(longer, 0.0)
+        value = 0.5 * sum(end.value for end in ends)
+        is_near = abs(value) < HALF
+        is_cut_off &= not is_near and (value > 0.0) == bool(steep[1] >= steep[0])
+        of_it = 2.0 if is_cut_off else 1.0
+        what = "its turns" if is_near or is_cut_off or not is_steep else STEEP
+        shown.append((Estimate(of_it * value, of_it * float(np.hypot(error, dying))), what))
+    if sides:
+        value = max(values, key=abs) if is_cut_off else float(np.mean(values))
+        apart = 0.0 if is_cut_off else 0.5 * float(np.ptp(values))
+        error = max(float(np.mean([side.error for side in sides])), LEAD_ERROR, apart)
+        shown.append((Estimate(value, error), "the ends of its records"))
+    return shown, is_cut_off
+
+
+def _header_sides(log: Log, own: Indices, clock: Array, stretches: list[_Stretch]) -> list[Estimate]:
+    """How late the flow of a machine begins behind the begin of a stretch of records with the header in the
+    crop, and how late it ends behind its end, where the log shows that of enough stretches.
+    """
+    working, between = log.working[own], 0.5 * float(np.median(np.diff(clock)))  # to the crop, in the mean
+    edge = np.flatnonzero(np.diff(np.r_[False, working, False]) | np.r_[log.gap[own], True])
+    runs = [(clock[a], clock[b - 1]) for a, b in pairwise(edge) if working[a]]
+    if len(runs) <= FEWEST_STARTS:
+        return []
+    begun, ended = np.array(runs).T
+    here = np.abs(0.5 * (begun + ended) - np.array([[s.middle] for s in stretches])).argmin(axis=1)
     late = np.array([s.rise for s in stretches]) - begun[here] + between - LEAD
     early = np.array([s.fall for s in stretches]) - ended[here] - between + LEAD
-    for seconds in (late, early):
-        seconds = seconds[np.isfinite(seconds)]
-        if len(seconds) > max(FEWEST_STARTS, LEAST_STARTS * len(stretches)):
-            middle = _middle(seconds)
-            return [(Estimate(middle.value, max(middle.error, LEAD_ERROR)), "the ends of its records")]
-    return []
+    fewest = max(FEWEST_STARTS, LEAST_STARTS * len(stretches))
+    known = [side[np.isfinite(side)] for side in (late, early)]
+    return [_middle(side) for side in known if len(side) > fewest]
 
 
 def _at(clock: Array, position: Array, time: Array) -> Array:
@@ -403,20 +469,26 @@ def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
         across = position[min(m + 2, b - 1)] - position[max(m - 2, a)]
         size = float(np.hypot(*across))
         if size > 0.0:
-            fall = _ramp(-clock[::-1], flow[::-1], len(clock) - b, len(clock) - 1 - a)
-            made.append(_Stretch(clock[m], _ramp(clock, flow, a, b - 1), -fall, across / size))
+            fall, fell = _ramp(-clock[::-1], flow[::-1], len(clock) - b, len(clock) - 1 - a)
+            rise, rose = _ramp(clock, flow, a, b - 1)
+            made.append(_Stretch(clock[m], rise, -fall, rose, fell, across / size))
     return made
 
 
-def _ramp(clock: Array, flow: Array, first: int, last: int) -> float:
-    """When the flow of the records first to last begins [s]: the middle of its rise, nan = not recorded."""
+def _ramp(clock: Array, flow: Array, first: int, last: int) -> tuple[float, float]:
+    """When the flow of the records first to last begins: the middle of its rise, and how long it takes [s], 0
+    from one record to the next; nan = not recorded.
+    """
     begun, full, more = np.searchsorted(clock, clock[first] + FILLING * np.array([-1.0, 1.0, 3.0]))
     level = float(flow[full : min(more, last)].mean()) if full < min(more, last) else 0.0
     low = np.flatnonzero(flow[begun:first] < 0.1 * level)
     if not len(low):
-        return np.nan
+        return np.nan, np.nan
     part = slice(begun + low[-1], full + 1)
-    return float(clock[full] - np.trapezoid(flow[part], clock[part]) / level)
+    high = np.flatnonzero(flow[part] > 0.9 * level)
+    lasts = float(clock[part][high[0]] - clock[part][0]) if len(high) else np.nan
+    lasts = 0.0 if begun + low[-1] + 1 >= first else lasts
+    return float(clock[full] - np.trapezoid(flow[part], clock[part]) / level), lasts
 
 
 def _smooth(value: Array, known: NDArray[np.bool_], count: int) -> Array:

@@ -28,7 +28,7 @@ from swath.field_io.grid import Maps, crop_height, make_grid, make_maps
 from swath.field_io.heights import fit_terrain
 from swath.field_io.logs.columns import CROP, FLOWS, ColumnsMissing, map_to_fill
 from swath.field_io.logs.coordinates import place
-from swath.field_io.logs.log import Log, read_log
+from swath.field_io.logs.log import Log, first_loss, read_log
 from swath.field_io.logs.parts import one_part
 from swath.field_io.passes import Track, make_tracks, pass_spacing, row_azimuth
 from swath.field_io.picture import draw
@@ -138,7 +138,8 @@ def import_log(
                     file=boundary,
                 )
         elif not settings.as_map:
-            records = one_part(records, settings.part, log)
+            whole, records = records, one_part(records, settings.part, log)
+            records.broken["other_part"] = len(whole) - len(records)
         step("aligning flow and cleaning")
         if settings.as_map:
             cleaned = clean_map(records, within)
@@ -146,13 +147,9 @@ def import_log(
             cleaned = clean(records, settings.flow_delay_s, within)
         if cleaned.kept.sum() < 30:
             judge(_of_raw(records), log)
-            counts = ", ".join(f"{v} {k}" for k, v in cleaned.counts.items() if v)
-            raise InputError(
-                "log",
-                int(cleaned.kept.sum()),
-                f"expected at least 30 harvest records left ({counts})",
-                file=log,
-            )
+            why = first_loss({**records.broken, **cleaned.counts}, records.row_count)[1]
+            expected = f"expected at least 30 harvest records left: {why}"
+            raise InputError("lost", int(cleaned.kept.sum()), expected, file=log)
         if polygon is None:
             polygon, more = (outline.mapped_ground if settings.as_map else outline.covered_ground)(cleaned)
             notes += more
@@ -317,7 +314,7 @@ def _report(
     spacing, spread, count = pass_spacing(tracks, azimuth)
     grain = cleaned.grain[cleaned.kept] * 10.0
     map_kg = _mapped_kg(maps, polygon)
-    logged_kg = float((log.flow * log.duration).sum())
+    logged_kg = float((log.flow * log.duration)[log.working].sum())
     field = {
         "place": _place(polygon, log.epsg),
         "area_ha": polygon.area / 1e4,
@@ -343,6 +340,14 @@ def _report(
         "cells": int(np.isfinite(maps.grain.values).sum()),
     }
     rows = {"read": log.row_count, "broken": log.broken, "records": len(log)}
+    if log.stated is not None:
+        rows["stated"] = log.stated
+    left = log.row_count - sum(log.broken.values()) - sum(cleaned.counts.values()) - int(cleaned.kept.sum())
+    if left:
+        notes = (
+            *notes,
+            f"lost: {left:,} of {log.row_count:,} rows are not used, without a reason",
+        )
     digest = _digest(path)
     profile = log.column_map.profile
     source = {"file": path.name, "sha256": digest, "profile": profile, **log.column_map.summary()}
@@ -386,24 +391,25 @@ def _doubts(
         f"{shown}; {maps.clipped_count} of {cells} cells lie outside {low:.2g} to {high:.3g} of {crop.name}"
     )
     unit = "say the unit with --columns, or --grain-g-per-stem"
-    pairs = [Pair("crop.yield", f"{text}, clipped", maps.clipped_count / max(cells, 1), *CLIPPED, unit)]
+    pairs = [Pair("yield", f"{text}, clipped", maps.clipped_count / max(cells, 1), *CLIPPED, unit)]
     if usual := YIELDS.get(crop.name):
         text = f"{shown}, usual of {crop.name} are {usual[0]} to {usual[1]}"
         entry = "another unit (--columns), or another crop (--crop)?"
-        pairs.append(Pair("crop.yield", text, outside(yields, usual), 0.0, entry=entry))
+        pairs.append(Pair("yield", text, outside(yields, usual), 0.0, entry=entry))
     if settings.as_map:
         return judge(pairs, path)
+    told = [f"delay: {d.machine}: {d.doubt}" for d in cleaned.delays if d.doubt]
     own = np.ones(len(log), bool) if within is None else outline.inside(polygon, log.position)
-    logged, mapped = float((log.flow * log.duration)[own].sum()), _mapped_kg(maps, polygon)
+    logged, mapped = float((log.flow * log.duration)[own & log.working].sum()), _mapped_kg(maps, polygon)
     text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
     over = logged / mapped - 1.0 if mapped > 0.0 else np.inf  # less is grain of rows that are left out
     less = ratio(logged, mapped) if over < 0.0 else 0.0
     flag = f"{shown}; say the units of width, speed and yield with --columns"
     reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
     text_used = f"{kept:,} of {len(log):,} are used: {count:,} {reason.replace('_', ' ')}"
-    pairs += [Pair("crop.grain", text, over, *BALANCE, flag), Pair("crop.grain", text, less, BALANCE[0]),
-              Pair("records", text_used, 1.0 - kept / len(log), FEW_USED)]  # fmt: skip
-    return judge([*pairs, *_beside(cleaned, spacing, crop)], path)
+    pairs += [Pair("yield", text, over, *BALANCE, flag), Pair("yield", text, less, BALANCE[0]),
+              Pair("lost", text_used, 1.0 - kept / len(log), FEW_USED)]  # fmt: skip
+    return [*told, *judge([*pairs, *_beside(cleaned, spacing, crop)], path)]
 
 
 def _of_raw(log: Log) -> list[Pair]:
@@ -413,17 +419,17 @@ def _of_raw(log: Log) -> list[Pair]:
     driven = np.hypot(*np.diff(log.position, axis=0)[goes_on].T)
     pace = float(driven.sum() / np.diff(log.time)[goes_on].sum()) if goes_on.any() else np.nan
     shown = float(np.mean(log.speed[1:][goes_on])) if goes_on.any() else np.nan
-    idle = [float((values <= 0.0).mean()) for values in (log.flow, log.width)]
+    idle = [float((values <= 0.0).mean()) for values in (np.where(log.working, log.flow, 0.0), log.width)]
     far = f"the others are {np.median(driven):.3g} m apart" if len(driven) else "the others are far apart"
     speeds = f"{3.6 * shown:.3g} km/h logged, {3.6 * pace:.3g} km/h by positions and times"
     of_log, units = "of the records", "say the units with --columns"
     return [
-        Pair("positions", f"{on_spot:.0%} of the rows lie on the very spot of the one before, {far}", on_spot,
+        Pair("place", f"{on_spot:.0%} of the rows lie on the very spot of the one before, {far}", on_spot,
              *FEW_MOVE, "positions with more digits, or a machine that drives"),
-        Pair("speed", speeds, ratio(shown, pace), *OTHER_SPEED, units),
-        Pair("grain_flow", f"0 in {idle[0]:.0%} {of_log}, work states counted", idle[0], *IDLE, units),
-        Pair("header_width", f"0 in {idle[1]:.0%} {of_log}", idle[1], *IDLE, units),
-        Pair("time", f"{log.gap.mean():.0%} {of_log} follow a pause or a jump", float(log.gap.mean()), *IDLE,
+        Pair("timeline", speeds, ratio(shown, pace), *OTHER_SPEED, units),
+        Pair("lost", f"flow of 0 in {idle[0]:.0%} {of_log}, work states counted", idle[0], *IDLE, units),
+        Pair("width", f"0 in {idle[1]:.0%} {of_log}", idle[1], *IDLE, units),
+        Pair("timeline", f"{log.gap.mean():.0%} {of_log} come after a pause", float(log.gap.mean()), *IDLE,
              "records of a machine at most 5 s apart, in one order"),
     ]  # fmt: skip
 
@@ -436,7 +442,7 @@ def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:
     width, moist = float(np.median(log.width[kept])), log.moisture[kept]
     text = f"passes lie {spacing:.2f} m apart, the header is {width:.2f} m wide"
     entry = "the yield goes with the width: header_width in --columns, or --header-width-m"
-    pairs = [Pair("header_width", text, spacing / width - 1.0, WIDER, entry=entry)]
+    pairs = [Pair("width", text, spacing / width - 1.0, WIDER, entry=entry)]
     low, high = MOISTURES.get(crop.name, MOISTURES[""])
     middle = float(np.median(moist[np.isfinite(moist)])) if np.isfinite(moist).any() else np.nan
     text = (
@@ -455,7 +461,9 @@ def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:
         one, other = (log.machine_names[k][:30] for k in (a, b))
         text = f"{other} shows {100 * over:.0f} % of the yield of {one}"
         pairs.append(
-            Pair("machines", f"{text} beside it", ratio(over, 1.0), MACHINES, entry="is one not calibrated?")
+            Pair(
+                "calibration", f"{text} beside it", ratio(over, 1.0), MACHINES, entry="is one not calibrated?"
+            )
         )
     return pairs
 

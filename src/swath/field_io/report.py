@@ -9,9 +9,10 @@ from typing import Any
 class ImportReport:
     """Outcome of an import. Each section is a plain dict; keys carry their unit.
 
-    source: file, profile, columns and those not used (see `ColumnMap.summary`). rows: read, broken (reason ->
-        count), records. machines: per machine. removed: reason -> count. kept: records that count. field:
-        place, area, passes, spacing, direction. crop: yield, mass, stems. terrain: where heights come from
+    source: file, profile, columns and those not used (see `ColumnMap.summary`). rows: read, stated where
+        the file says how many it has, broken (reason -> count), records. machines: per machine. removed:
+        reason -> count. kept: records that count; with broken and removed they are those that were read.
+    field: place, area, passes, spacing, direction. crop: yield, mass, stems. terrain: where heights come from
         and how good they are. notes: assumptions.
     """
 
@@ -50,6 +51,7 @@ class ImportReport:
         left_out = [("  broken", self.rows["broken"]), ("  not used", self.removed)]
         return [
             ("rows in the log", f"{read:,}", self.source["profile"]),
+            *([("  stated", f"{self.rows['stated']:,}", "by the file")] if "stated" in self.rows else []),
             *((what, f"{n:,}", k.replace("_", " ")) for what, of in left_out for k, n in of.items() if n),
             ("records used", f"{self.kept:,}", f"{100 * self.kept / max(read, 1):.1f} %"),
             *(

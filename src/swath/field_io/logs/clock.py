@@ -142,12 +142,12 @@ def usable(time: Array) -> tuple[Array | None, str]:
     known = np.isfinite(time)
     count = len(time)
     if known.sum() < LEAST_SHARE * count:
-        return None, f"clock not used: {count - int(known.sum()):,} of {count:,} rows hold no time"
+        return None, f"clock: not used: {count - int(known.sum()):,} of {count:,} rows hold no time"
     different = len(np.unique(time[known]))
     if different < LEAST_STEPS * count:
-        return None, f"clock not used: {different:,} different times in {count:,} rows"
+        return None, f"clock: not used: {different:,} different times in {count:,} rows"
     if known.all():
         return time, ""
     row = np.arange(count, dtype=float)
-    note = f"{count - int(known.sum()):,} rows without a time: taken between their neighbours"
+    note = f"clock: {count - int(known.sum()):,} rows without a time: taken between their neighbours"
     return np.asarray(np.interp(row, row[known], time[known])), note

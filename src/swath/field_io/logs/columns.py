@@ -124,6 +124,7 @@ class ColumnMap:
     header: all columns
 
     beside: further columns of grain that do not count, but say something of the units of that which does
+    others: further columns of the same quantity as the one in `columns`
     """
 
     columns: dict[str, Column]
@@ -132,6 +133,7 @@ class ColumnMap:
     axes: str = ""
     beside: dict[str, Column] = field(default_factory=dict)
     header: tuple[str, ...] = ()
+    others: dict[str, tuple[Column, ...]] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """What was taken for what, as plain data: `columns` and `not_used`."""
@@ -304,6 +306,10 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """Canonical -> unit without one in the name, and names in lower case without signs, the best first."""
 _NAMES = {key: [set(names.split()) for names in tiers] for key, (_, tiers) in _USUAL.items()}
+SOURCED = (*FLOWS, "header_width", "moisture", "speed", "elevation", "distance", "lat", "lon")
+"""Quantities that may have several sources."""
+_NUMBERED = re.compile(r"(.{3,}?)(?:sensor)?(?:\d|left|right|links|rechts)")  # name of one of several sensors
+_ELEMENT = re.compile(r"_det_\d+$")  # of task data: counts where no column is of the whole machine
 _CUT = 10  # letters of a column's name in a shapefile (dBASE)
 _LEAST_OF_NAME = 5  # letters by which a name that is cut off is known
 # what known logs may also hold
@@ -374,7 +380,8 @@ def find_columns(
     of_base = {} if base is None else {k: _checked(c) for k, c in base.columns.items()}
     taken = {c.column for c in (*whole.values(), *of_base.values())}
     said = {key for key, column in given.items() if not column.column} | dropped
-    usual = guess([name for name in header if name not in taken], path, said).columns
+    guessed = guess([name for name in header if name not in taken], path, said)
+    usual = guessed.columns
     beside = {k: c for k, c in usual.items() if k in FLOWS}
     if base is not None:
         also = QUANTITIES.keys() - FLOWS if base.profile in _BY_NAME else _BESIDE
@@ -394,7 +401,8 @@ def find_columns(
     name = base.profile if base else "usual names"
     require(found, header, path, needs)
     profile = name if columns is None else f"map {columns.name}, {name}"
-    return ColumnMap(found, profile, **system, beside=beside, header=tuple(header))
+    others = {k: more for k, more in guessed.others.items() if k in found and k not in {*of_base, *whole}}
+    return ColumnMap(found, profile, **system, beside=beside, header=tuple(header), others=others)
 
 
 def _checked(of_format: Column) -> Column:
@@ -412,27 +420,35 @@ def guess(header: Sequence[str], path: Path, said: Collection[str] = ()) -> Colu
     """Columns by their usual names; a unit in the name ('speed_kmh', 'Flow (lb/s)') wins over the default.
 
     said: quantities whatever the unit in the name
-    A name of ten letters may be cut off. Raises InputError for a unit in brackets that is not known.
+    A name of ten letters may be cut off, and may end with that of a sensor or an element. Raises InputError
+    for a unit in brackets that is not known.
     """
     found: dict[str, Column] = {}
+    others: dict[str, tuple[Column, ...]] = {}
     free = list(header)
-    for key, tiers in _NAMES.items():
-        for names in tiers:
-            column = next((c for name in free if (c := _named(key, names, name, path, said))), None)
-            if column is not None:
-                free.remove(column.column)
-                found[key] = column
-                break
+    for is_element in (False, True):
+        pool = {name: bare for name in header if ((bare := _ELEMENT.sub("", name)) != name) is is_element}
+        for key, names in [(k, names) for k, tiers in _NAMES.items() for names in tiers]:
+            if key in found:
+                continue
+            own = [replace(c, column=name) for name, bare in pool.items()
+                   if name in free and (c := _named(key, names, bare, path, said))]  # fmt: skip
+            if own:
+                free.remove(own[0].column)
+                found[key] = own[0]
+                others |= {key: tuple(own[1:])} if own[1:] else {}
     for name in free:
         cut = _cut(name)
         if cut is not None and cut[0] not in found:
             found[cut[0]] = cut[1]
-    return ColumnMap({key: found[key] for key in _USUAL if key in found}, "usual names")
+    return ColumnMap({key: found[key] for key in _USUAL if key in found}, "usual names", others=others)
 
 
 def _named(key: str, names: Collection[str], name: str, path: Path, said: Collection[str]) -> Column | None:
     """The column of this name where it is one of these names, with its unit."""
     bare, unit = _split_unit(name)
+    numbered = _NUMBERED.fullmatch(bare) if key in SOURCED else None
+    bare = numbered[1] if numbered and bare not in names else bare
     kinds = UNITS[QUANTITIES[key]]
     if bare in names and (unit is None or unit in kinds or key in _WORDS or key in said):
         return _column(key, name, bare, unit)
@@ -540,7 +556,7 @@ def require(found: Collection[str], header: Sequence[str], path: Path, needs: Ne
         is_map = missing.keys() == WIDTH.keys() and "yield" in found
         hint = "--as map takes yields in any order; " if is_map else ""
         error = ColumnsMissing(
-            "log.header", some_of(header, 12),
+            "columns", some_of(header, 12),
             f"expected columns for {', '.join(missing)}; {hint}say which with --columns MAP.yaml, in it "
             f"lines like {lines[-1].replace(chr(34) + '?' + chr(34), 'Name')}", file=path,
         )  # fmt: skip

@@ -112,7 +112,7 @@ def reading_of(table: Table, found: ColumnMap, path: Path) -> tuple[Reading, str
         east = numbers(table, lon)
         is_beyond = (east > 180.0) & (east <= 360.0)  # counted on to the east
         own = Reading(np.stack([np.where(is_beyond, east - 360.0, east), numbers(table, lat)], axis=1))
-        note = f"lon: {lon.column} counts from 0 to 360 deg: those above 180 are west" * bool(
+        note = f"reference: {lon.column} counts from 0 to 360 deg: those above 180 are west" * bool(
             is_beyond.mean() > 0.5
         )
         return own, note, lambda: list(_of_degrees(table, lat, lon))
@@ -120,7 +120,7 @@ def reading_of(table: Table, found: ColumnMap, path: Path) -> tuple[Reading, str
         pair = columns["easting"], columns["northing"]
         if not found.crs:
             expected = "expected crs: EPSG:... in the column map for easting, northing"
-            raise InputError("crs", None, expected, file=path)
+            raise InputError("reference", None, expected, file=path)
         raw = np.stack([table.numbers(c.column) for c in pair], axis=1)
         sizes = [UNITS["length"][c.unit] for c in pair]
         own = _projected(raw * sizes, found.crs)
@@ -131,8 +131,8 @@ def reading_of(table: Table, found: ColumnMap, path: Path) -> tuple[Reading, str
         inside = np.nanmax(np.abs(points), axis=0, initial=0.0) <= (180.0, 180.0)
         if not inside.all():
             expected = "expected a .prj in the archive or crs in the column map"
-            raise InputError("crs", None, expected, file=path)
-        text, note = "EPSG:4326", "no .prj: positions taken as WGS 84"
+            raise InputError("reference", None, expected, file=path)
+        text, note = "EPSG:4326", "reference: no .prj: positions taken as WGS 84"
     own = _projected(points[:, ::-1] if found.axes == "yx" else points, text)
     turned = [_projected(points[:, ::-1], text, "x and y exchanged", "axes: yx")] if not found.axes else []
     return own, note, lambda: turned
@@ -211,10 +211,10 @@ def check_places(
     named = ", ".join(f"{c.column} in {c.unit}" for c in columns) or "as in the shapes"
     if is_said or not better:
         reasons = doubts if better else [pair.shown for pair in against if pair.key == PLACES]
-        return [f"positions: {named}, though {'; '.join(reasons)}"] if reasons else []
+        return [f"place: {named}, though {'; '.join(reasons)}"] if reasons else []
     ways = some_of((other.name for other in better), 2, " or ")
     expected = f"expected what the log shows: {some_of(doubts, 2, '; ')}; all agrees with {ways}"
-    error = InputError("log.positions", named, expected, file=path)
+    error = InputError("place", named, expected, file=path)
     error.others = tuple(
         InputError("--columns MAP.yaml", None, f"for {o.name}, at {place(o.lon_lat)}, write {o.entries}")
         for o in better
@@ -225,7 +225,7 @@ def check_places(
 def _pairs(reading: Reading, drive: Driven, logged: Logged) -> list[Pair]:
     """The table of a reading."""
     away = 1.0 - reading.share()
-    nowhere = Pair("rows", f"{100 * away:.0f} % of them are at no place", away, *NOWHERE)
+    nowhere = Pair("place", f"{100 * away:.0f} % of them are at no place", away, *NOWHERE)
     driven = None if nowhere.contradicts else drive(reading)
     return [nowhere, *([] if driven is None else place_pairs(logged, *driven))]
 

@@ -3,6 +3,8 @@
 Broken rows are left out and counted by reason; only a file that holds no usable log is an error.
 """
 
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -29,6 +31,7 @@ from swath.field_io.logs.columns import (
     FLOWS,
     PLACE,
     QUANTITIES,
+    SOURCED,
     UNITS,
     WIDTH,
     Column,
@@ -38,16 +41,21 @@ from swath.field_io.logs.columns import (
 from swath.field_io.logs.coordinates import Others, Reading, check_places, numbers, reading_of
 from swath.field_io.logs.machines import separate_machines
 from swath.field_io.logs.records import (
-    PAUSE,
+    PAUSES,
     check_order,
     declared_machines,
     duration_of,
+    longest_step,
     speed_of,
     time_of,
     unrounded,
 )
+from swath.field_io.logs.sources import choose
 from swath.field_io.logs.table import Table, read_table
+from swath.field_io.logs.timeline import counted_on, one_pace, parts_of_header
 from swath.field_io.logs.witnesses import (
+    AT,
+    CANDIDATES,
     CLOCK_UNITS,
     Drive,
     Logged,
@@ -75,6 +83,8 @@ LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the
 LEAST_COPIED = 0.2  # of the rows that are there a second time: with less a machine stood
 SEASON = 30 * 86400.0  # s: a longer pause lies between two harvests
 COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
+SAME_OF = {"lat": 0.002, "lon": 0.002, "elevation": 25.0, "moisture": 0.25, "distance": 10.0}
+"""Of what `choose` takes its share, deg, m, share, m: the yield does not go with them."""
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
 
@@ -86,11 +96,13 @@ class Log:
     machine: index into machine_names; time [s]; duration [s] since the record before; east, north [m] in
         epsg; elevation [m], nan = none; speed [m/s]
     width: of the header in use [m]
-    flow: grain [kg/s]
+    flow: grain at the sensor [kg/s], with what comes through while the header is out
     moisture: share of the wet mass, nan = none; crop_height [m], nan = none
+    working: whether the header is in the crop, where the log says so, else True
     crop: data sheet
     row_number: line or record of the file
-    row_count: rows in the file. broken: reason -> rows left out. notes: what was assumed.
+    row_count: rows in the file, stated: as it says itself, None = it does not
+    broken: reason -> rows left out. notes: what was assumed.
     """
 
     machine: NDArray[np.int64]
@@ -104,6 +116,7 @@ class Log:
     flow: Array
     moisture: Array
     crop_height: Array
+    working: NDArray[np.bool_]
     row_number: NDArray[np.int64]
     machine_names: tuple[str, ...]
     epsg: int
@@ -112,6 +125,7 @@ class Log:
     broken: dict[str, int]
     notes: tuple[str, ...]
     crop: str = trade.DEFAULT
+    stated: int | None = None
 
     def __len__(self) -> int:
         return len(self.time)
@@ -125,9 +139,10 @@ class Log:
     def gap(self) -> NDArray[np.bool_]:
         """Shape (n,): the record does not follow the one before (other machine, pause, jump in position)."""
         step = np.hypot(np.diff(self.east), np.diff(self.north))
-        pause = np.diff(self.time)
-        far = step > 3.0 * np.maximum(self.speed[1:], 1.0) * np.clip(pause, 1.0, 3.0) + 3.0
-        gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > PAUSE) | far]
+        pause, longest = np.diff(self.time), longest_step(self.time, self.machine)
+        reach = np.clip(pause, 1.0, max(3.0, longest / PAUSES))
+        far = step > 3.0 * np.maximum(self.speed[1:], 1.0) * reach + 3.0
+        gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > longest) | far]
         return gap
 
     def keep(self, mask: NDArray[np.bool_]) -> "Log":
@@ -160,12 +175,15 @@ def read_log(
         needs={**({} if table.points is not None else PLACE), **CROP,
                **(WIDTH if header_width is None and not as_map else {})},
     )  # fmt: skip
-    notes = capped(table.notes, MOST_NOTES)
+    notes = capped(table.notes, MOST_NOTES, "damaged: ")
     row_count = len(table.row_number) + sum(table.broken.values())
     if len(table.row_number) < FEWEST_RECORDS:
         raise InputError(
             "log", len(table.row_number), f"expected at least {FEWEST_RECORDS} whole rows", file=path
         )
+    notes += missing(row_count, table.stated)
+    found, more = _of_sources(table, found, path)
+    notes += more
     places, crs_note, others_of_places = reading_of(table, found, path)
     lon_lat = places.lon_lat
     sheet, others, note = _crop(table, found, crop, path)
@@ -184,18 +202,14 @@ def read_log(
         broken[reason] = int((bad & good).sum())
         good &= ~bad
     if good.sum() < FEWEST_RECORDS:
-        counts = ", ".join(f"{v} {k}" for k, v in broken.items() if v)
-        expected = f"expected at least {FEWEST_RECORDS} usable rows of {row_count} ({counts})"
-        raise InputError("log", int(good.sum()), expected + _why(broken, values, found), file=path)
+        reason, why = first_loss(broken, row_count)
+        expected = f"expected at least {FEWEST_RECORDS} usable rows: {why}{_why(reason, values, found)}"
+        raise InputError("lost", int(good.sum()), expected, file=path)
     notes += [
-        f"{n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why({reason: n}, values, found)}"
+        f"lost: {n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why(reason, values, found)}"
         for reason, n in broken.items()
         if n > MANY * row_count and reason not in ("copied", "other_section", "other_crop")
     ]
-    work = not_working(table, found)
-    if work is not None:
-        values["grain_flow"] = np.where(work, 0.0, values["grain_flow"])
-        values["yield"] = np.where(work, 0.0, values["yield"])
     values = {k: v[good] for k, v in values.items()}
     log = _assemble(table, found, lon_lat[good], values, good, header_width, path, as_map)
     jump = np.zeros(len(log), dtype=bool) if as_map else _jumps(log)
@@ -204,18 +218,48 @@ def read_log(
     broken |= {"jump": int(jump.sum()), "duplicated_position": int(again.sum())}
     notes += [crs_note] if crs_note else []
     notes += log.notes
-    return replace(log.keep(~again), row_count=row_count, broken=broken, notes=tuple(notes), crop=sheet)
+    return replace(
+        log.keep(~again),
+        row_count=row_count,
+        stated=table.stated,
+        broken=broken,
+        notes=tuple(notes),
+        crop=sheet,
+    )
 
 
-def _why(broken: dict[str, int], values: dict[str, Array], found: ColumnMap) -> str:
-    """The column of what most rows were left out for, its middle and limits, and how its unit is said.
+def missing(read: int, stated: int | None) -> list[str]:
+    """A note where a file states more rows than it has."""
+    if stated is None or read >= stated:
+        return []
+    return [f"damaged: the file states {stated:,} records and holds {read:,}"]
+
+
+def first_loss(left_out: Mapping[str, int], read: int) -> tuple[str, str]:
+    """The first stage at which most of what reaches it goes, else the one at which most go, and a sentence.
+
+    left_out: reason -> rows, in the order of the stages
+    """
+    stages, there = dict[str, tuple[int, int]](), read
+    for reason, count in left_out.items():
+        stages[reason] = count, there
+        there -= count
+    most = [reason for reason, (count, before) in stages.items() if count > 0.5 * before]
+    reason = most[0] if most else max(stages, key=lambda k: stages[k][0])
+    count, before = stages[reason]
+    return reason, f"{count:,} of {before:,} go: {reason}"
+
+
+def _why(reason: str, values: dict[str, Array], found: ColumnMap) -> str:
+    """The column of what rows were left out for, its middle and limits, and how its unit is said.
 
     values: in SI units
     """
-    reason = max(broken, key=lambda k: broken[k])
     key = next((k for k in _NEEDED if reason.startswith(k)), "")
-    if key not in found.columns or not reason.endswith("out_of_range"):
+    if key not in found.columns:
         return ""
+    if not reason.endswith("out_of_range"):
+        return f" ({found.columns[key].column})"
     column, size = found.columns[key], UNITS[QUANTITIES[key]][found.columns[key].unit]
     low, high, middle = (v / size for v in (*PLAUSIBLE[key], float(np.nanmedian(values[key]))))
     limits = f"{middle:.4g} {column.unit} at the middle, expected {low:.4g} to {high:.4g}"
@@ -232,13 +276,16 @@ def _settled(
     count = len(table.row_number)
     numeric = {k: c for k, c in {**found.beside, **found.columns}.items() if QUANTITIES[k] != "text"}
     raw = {k: table.numbers(c.column) for k, c in numeric.items() if k not in ("lat", "lon", "time")}
-    clock, day, unit, notes = _clock(table, found)
-    judge(level_pairs({**found.beside, **found.columns}, raw, table.row_number), path)
     machine = declared_machines(table, found)[1]
-    again, other = _joined(table, found, places.lon_lat, raw, None if clock is None else clock + day, machine)
+    plane = _plane(places.lon_lat)
+    again = _copies(table, found, places.lon_lat, raw, machine)
+    clock, day, unit, section, notes = _clock(table, found, machine, np.where(again[:, None], np.nan, plane))
+    judge(level_pairs({**found.beside, **found.columns}, raw, table.row_number), path)
+    moment = np.stack([machine, _occurrence(machine, section) if clock is None else clock + day], axis=1)
+    other = _joined(section, places.lon_lat, raw, moment, np.flatnonzero(~again))
     first = ~again & ~other
     if again.any():
-        notes.append(f"{int(again.sum()):,} rows are there twice, and count once")
+        notes.append(f"copies: {int(again.sum()):,} rows are there twice, and count once")
     by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
     cutting = _cutting(raw, not_working(table, found), count)
     logged = Logged(found.columns, raw, None, (), cutting, header_width)
@@ -282,12 +329,19 @@ def _settled(
             notes += more
         columns["time"] = replace(columns["time"], unit=unit)
         seconds = clock * UNITS["time"][unit] + day
-        pace = seconds
     else:
         columns.pop("time", None)
-        if "duration" in raw:
-            pace = np.full(count, np.nan)
-            pace[order] = np.cumsum(raw["duration"][order] * UNITS["time"][columns["duration"].unit])
+    loser, note = one_pace(columns, raw, seconds, drive)
+    notes += [note] if note else []
+    if loser == "time":
+        seconds = None
+    if loser:
+        columns.pop(loser, None)
+        raw.pop(loser, None)
+    pace = seconds
+    if seconds is None and "duration" in raw:
+        pace = np.full(count, np.nan)
+        pace[order] = np.cumsum(raw["duration"][order] * UNITS["time"][columns["duration"].unit])
     found = replace(found, columns=columns)
     logged = replace(logged, time=pace, cutting=cutting & first)
     found, more = settle_units(found, logged, drive, sheet, path)
@@ -298,7 +352,7 @@ def _settled(
     elif pace is None and "speed" in found.columns and len(drive.step):
         period = float(np.nanmedian(drive.step / np.maximum(values["speed"][drive.after], 0.1)))
         values["duration"] = np.full(count, period)
-        more.append(f"no time: records taken as {period:.2f} s apart, by speed and positions")
+        more.append(f"clock: no time: records taken as {period:.2f} s apart, by speed and positions")
     return found, values, {"copied": again, "other_section": other}, notes + more
 
 
@@ -333,14 +387,19 @@ def _cutting(raw: dict[str, Array], idle: NDArray[np.bool_] | None, count: int) 
     return cutting if idle is None else cutting & ~idle
 
 
-def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, list[str]]:
+def _clock(
+    table: Table, found: ColumnMap, machine: NDArray[np.int64], plane: Array
+) -> tuple[Array | None, Array, str, Any, list[str]]:
     """Time of each row, None where there is no clock; the midnight it counts from [s]; its unit, '' for that
-    of its column; notes.
+    of its column; names of the sections that have rows of their own, None = none; notes.
+
+    plane: positions [m]
     """
     column, dates = found.columns.get("time"), found.columns.get("date")
     none = np.zeros(len(table.row_number))
+    section = np.array(table.texts(found.columns["section"].column)) if "section" in found.columns else None
     if column is None:
-        return None, none, "", []
+        return None, none, "", section, []
     numbers = table.numbers(column.column)
     numbers[np.abs(numbers) > LATEST] = np.nan
     unit, notes, day = "", [], none
@@ -350,15 +409,74 @@ def _clock(table: Table, found: ColumnMap) -> tuple[Array | None, Array, str, li
         coded = of_digits(numbers) if column.is_assumed else None
         if coded is not None:
             numbers, day, form = coded
-            unit, notes = "s", [f"time: {column.column} read as {form}, by its digits"]
+            unit, notes = "s", [f"clock: {column.column} read as {form}, by its digits"]
         held = none if dates is None or day.any() else days_of(table.texts(dates.column))
         if np.isfinite(held).all() and _overlap(numbers, held):
             day = held
         elif unit and not day.any():
             numbers = over_midnight(numbers)
-    numbers, note = spread(numbers) if "section" not in found.columns else (numbers, "")
-    clock, more = usable(numbers)
-    return clock, day, unit, [*notes, *filter(None, (note, more))]
+    days = day / UNITS["time"][unit or column.unit]
+    if section is None:
+        section = parts_of_header(np.stack([machine, numbers + days], axis=1), plane)
+        notes += (
+            [] if section is None else ["derived: rows of one time lie side by side: parts of the header"]
+        )
+    of_clock = machine
+    if section is not None:
+        of_clock = np.unique(np.column_stack([machine, section]), axis=0, return_inverse=True)[1].ravel()
+    counted, more = counted_on(numbers + days, of_clock, plane)
+    notes += more[:1]
+    numbers = counted - days if more else numbers
+    numbers, note = spread(numbers) if section is None else (numbers, "")
+    clock, unused = usable(numbers)
+    return clock, day, unit, section, [*notes, *filter(None, (note, unused))]
+
+
+def _plane(lon_lat: Array) -> Array:
+    """Positions in a plane [m], shape (n, 2), near enough within a field."""
+    known = lon_lat[np.isfinite(lon_lat).all(axis=1)]
+    middle = np.median(known, axis=0) if len(known) else np.zeros(2)
+    return np.asarray((lon_lat - middle) * (111.2e3 * np.cos(np.radians(middle[1])), 111.2e3))
+
+
+def _of_sources(table: Table, found: ColumnMap, path: Path) -> tuple[ColumnMap, list[str]]:
+    """The columns that count where several say one quantity, and notes."""
+    columns, notes = dict(found.columns), list[str]()
+    for key, others in found.others.items():
+        if key not in SOURCED:
+            continue
+
+        def entry(name: str, key: str = key) -> str:
+            return f"{key}: {{column: {json.dumps(name)}}}"
+
+        all_of = {c.column: c for c in (columns[key], *others)}
+        values = {name: _in_si(table, key, c) for name, c in all_of.items()}
+        own = values[columns[key].column]
+        for c in others:
+            if c.is_assumed or columns[key].is_assumed:
+                values[c.column] = values[c.column] / _unit_ratio(key, values[c.column], own)
+        choice = choose(key, values, entry, size=SAME_OF.get(key), file=path)
+        columns[key] = all_of[choice.name]
+        notes += choice.notes
+    return replace(found, columns=columns), notes
+
+
+def _in_si(table: Table, key: str, column: Column) -> Array:
+    if key in ("lat", "lon"):
+        return numbers(table, column)
+    return table.numbers(column.column) * UNITS[QUANTITIES[key]][column.unit]
+
+
+def _unit_ratio(key: str, other: Array, own: Array) -> float:
+    """By how much the other is greater, where that is the ratio of two units of the quantity; else 1."""
+    both = (other > 0.0) & (own > 0.0)
+    if key not in CANDIDATES or not both.any():
+        return 1.0
+    ratio = float(np.median(other[both] / own[both]))
+    sizes = np.array([UNITS[QUANTITIES[key]][u] for units in CANDIDATES[key] for u in units])
+    ratios = np.divide.outer(sizes, sizes).ravel()
+    nearest = float(ratios[np.abs(np.log(ratios / ratio)).argmin()])
+    return nearest if AT.agrees[0] < ratio / nearest < AT.agrees[1] else 1.0
 
 
 def _overlap(times: Array, days: Array) -> bool:
@@ -380,7 +498,7 @@ def _step_wise(raw: dict[str, Array], order: NDArray[np.int64], drive: Drive) ->
     ):
         return []
     raw["distance"][order] = np.r_[np.nan, steps]
-    return ["distance: a running count, taken as the distance between records"]
+    return ["derived: distance is a running count, taken as the distance between records"]
 
 
 def _crop(
@@ -432,35 +550,37 @@ def _as_harvested(values: dict[str, Array], found: ColumnMap, sheet: str) -> tup
     values["yield"] = values["dry_yield"] * np.where(moisture > 0.0, wet, 1.0)
     renamed = {("yield" if k == "dry_yield" else k): c for k, c in found.columns.items()}
     known = bool((moisture > 0.0).any())
-    note = "yield: of dry grain, " + ("moisture added" if known else "taken as harvested: no moisture")
+    note = "derived: yield of dry grain, " + (
+        "moisture added" if known else "taken as harvested: no moisture"
+    )
     return replace(found, columns=renamed), note
 
 
-def _joined(
-    table: Table,
-    found: ColumnMap,
-    lon_lat: Array,
-    raw: dict[str, Array],
-    time: Array | None,
-    machine: NDArray[np.int64],
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Rows that are there a second time, and rows of sections beside the one that stands for all, (n,).
+def _copies(
+    table: Table, found: ColumnMap, lon_lat: Array, raw: Mapping[str, Array], machine: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Rows that are there a second time, shape (n,): none where a machine stood, or the clock is coarse."""
+    words = [found.columns[key].column for key in ("time", "date", "section") if key in found.columns]
+    said = [np.unique(table.texts(name), return_inverse=True)[1] for name in words]
+    again = ~_first(
+        np.column_stack([machine, lon_lat, *said, *(raw[k] for k in (*FLOWS, "header_width") if k in raw)])
+    )
+    return again if again.mean() >= LEAST_COPIED else np.zeros(len(again), dtype=bool)
 
-    The first section of a time gets the place, widths and flows of all, in place.
+
+def _joined(
+    section: Any, lon_lat: Array, raw: dict[str, Array], moment: Array, rows: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Rows of sections beside the one that stands for all, shape (n,).
+
+    section: of each row, None = none; moment: machine and time; rows: that count. The first section of a time
+    gets the place, widths and flows of all, in place.
     """
-    count = len(lon_lat)
-    moment = machine if time is None else np.stack([machine, time], axis=1)
-    place = np.column_stack([moment, lon_lat])
-    flows = [raw[key] for key in (*FLOWS, "header_width") if key in raw]
-    if "section" in found.columns:
-        texts = table.texts(found.columns["section"].column)
-        flows.append(np.unique(texts, return_inverse=True)[1].astype(float))
-    again, other = ~_first(np.column_stack([place, *flows])), np.zeros(count, dtype=bool)
-    if again.mean() < LEAST_COPIED:
-        again = other.copy()  # standing, or a clock of coarse steps
-    rows = np.flatnonzero(~again)
-    if "section" in found.columns and "header_width" in raw and len(rows):
-        is_once = _first(np.column_stack([moment, flows[-1]]))[rows].mean() > LEAST_ONCE
+    other = np.zeros(len(lon_lat), dtype=bool)
+    if section is not None and "header_width" in raw and len(rows):
+        place = np.column_stack([moment, lon_lat])
+        one = np.unique(section, return_inverse=True)[1]
+        is_once = _first(np.column_stack([moment, one]))[rows].mean() > LEAST_ONCE
         held = np.nan_to_num(np.column_stack([moment if is_once else place])[rows])
         index, group = np.unique(held, axis=0, return_index=True, return_inverse=True)[1:]
         group = group.ravel()
@@ -475,7 +595,19 @@ def _joined(
             lon_lat[rows, axis] = _sums(group, share * lon_lat[rows, axis])
         raw["header_width"][rows] = total
         other[np.delete(rows, index)] = True
-    return again, other
+    return other
+
+
+def _occurrence(machine: NDArray[np.int64], section: Any) -> Array:
+    """How often the section of a machine was there before, shape (n,): the time of rows without a clock."""
+    if section is None:
+        return np.zeros(len(machine))
+    group = np.unique(np.column_stack([machine, section]), axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(group, kind="stable")
+    rank = np.arange(len(group)) - np.searchsorted(group[order], group[order])
+    made = np.empty(len(group))
+    made[order] = rank
+    return made
 
 
 def _first(keys: Array) -> NDArray[np.bool_]:
@@ -495,7 +627,7 @@ def _refuse_whole_crop(flow: Array, path: Path) -> None:
     most = PLAUSIBLE["grain_flow"][1]
     if len(flowing) and (flowing > most).mean() > WHOLE_CROP_SHARE:
         raise InputError(
-            "log",
+            "plausible",
             f"flows of {np.median(flowing):.0f} kg/s",
             f"expected grain, at most {most:.0f} kg/s: this crop is whole plants (forage)",
             file=path,
@@ -557,7 +689,7 @@ def not_working(table: Table, found: ColumnMap) -> NDArray[np.bool_] | None:
     if column is None:
         return None
     idle = {"out", "off", "0", "32", "up", "false", "no", "raised"}  # 32: Ag Leader, bit 0 is the header down
-    return np.array([word.lower() in idle for word in table.texts(column.column)])
+    return np.array([word.lower().removesuffix(".0") in idle for word in table.texts(column.column)])
 
 
 def _assemble(
@@ -591,7 +723,7 @@ def _assemble(
         machine = separate_machines(time, east, north)
         names = tuple(str(i + 1) for i in range(machine.max() + 1))
         if len(names) > 1:
-            notes.append(f"no machine column: {len(names)} machines distinguished by their positions")
+            notes.append(f"machines: no column of them: {len(names)} distinguished by their positions")
     order = np.lexsort((time, machine))
     machine, time, east, north = machine[order], time[order], east[order], north[order]
     values = {k: v[order] for k, v in values.items()}
@@ -604,16 +736,18 @@ def _assemble(
             header_width = header_width or MAP_WIDTH  # only of the cells in which the ground is counted
         if header_width is None:
             expected = "expected a column (name it with --columns), or --header-width-m"
-            raise InputError("header_width", None, expected, file=path)
+            raise InputError("columns", None, f"header_width: {expected}", file=path)
         width = np.full(len(time), header_width)
-    flow = values["grain_flow"]
+    idle, flow = not_working(table, found), values["grain_flow"]
+    working = np.ones(len(good), dtype=bool) if idle is None else ~idle
     if "grain_flow" not in found.columns:
         flow = values["yield"] * width * speed
     if abs(period - 1.0) > 0.05:
-        notes.append(f"one record every {period:.2f} s")
+        notes.append(f"clock: one record every {period:.2f} s")
     return Log(
         machine, time, duration, east, north, values["elevation"], speed, width, flow, values["moisture"],
-        values["crop_height"], table.row_number[good][order], names, epsg, found, 0, {}, tuple(notes),
+        values["crop_height"], working[good][order], table.row_number[good][order], names, epsg, found, 0, {},
+        tuple(notes),
     )  # fmt: skip
 
 

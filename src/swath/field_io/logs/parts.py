@@ -23,7 +23,7 @@ SAME_GROUND = 0.5  # of a part, covered before: it is a second harvest
 
 def one_part(log: Log, chosen: int | None, path: Path) -> Log:
     """The part of a log that is meant. Raises InputError where it has several and none is chosen."""
-    cutting = (log.flow > 0.0) & (log.width > 0.0)
+    cutting = (log.flow > 0.0) & (log.width > 0.0) & log.working
     width = float(np.median(log.width[cutting])) if cutting.any() else 1.0
     cell = _ground(log.position, width)
     harvest, field = _harvests(log, cell, cutting), _fields(log.position, cutting)
@@ -46,7 +46,7 @@ def one_part(log: Log, chosen: int | None, path: Path) -> Log:
         )
     kind = "harvests of one ground" if len(np.unique(harvest[np.isin(part, large)])) > 1 else "fields"
     raise InputError(
-        "log", f"{len(large)} {kind} ({'; '.join(shown)})", "expected one; --part N takes one", file=path
+        "mixed", f"{len(large)} {kind} ({'; '.join(shown)})", "expected one; --part N takes one", file=path
     )
 
 

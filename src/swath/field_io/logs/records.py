@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 TOP_SPEED = 15.0  # m/s, of a machine
 TOO_FAST = 3.0  # times the usual pace from one record to the next: not driven
 PAUSE = 5.0  # s between two records, longer: the machine does something else
+PAUSES = 2.5  # usual steps of a log with few records, that are a pause
 NEXT = 6  # records ahead among which one of the same machine follows, whichever others are between
 NEAR = 25.0  # m, to it
 LEAST_FOLLOWED = 0.5  # of the records of a log in driving order
@@ -29,7 +30,7 @@ def declared_machines(
     texts = np.array(table.texts(found.columns["machine"].column))[rows]
     names, machine = np.unique(texts, return_inverse=True)
     if len(names) > 50:
-        return *one, [f"{len(names)} machine names: column not used"]
+        return *one, [f"unused: {found.columns['machine'].column}: {len(names)} machine names"]
     shown = tuple("".join(c if c.isprintable() else "?" for c in str(n)[:60]) for n in names)
     return shown, machine.astype(np.int64), []
 
@@ -47,8 +48,14 @@ def time_of(
     time = np.empty(len(order))
     time[order] = sorted_time - start
     is_known = np.isfinite(values["duration"]).any()
-    note = "" if is_known else "no time: records taken as 1 s apart"
-    return time, note or "no clock: time counts from the first record of each machine"
+    note = "" if is_known else "clock: no time: records taken as 1 s apart"
+    return time, note or "clock: none: time counts from the first record of each machine"
+
+
+def longest_step(time: Array, machine: NDArray[np.int64]) -> float:
+    """Time [s] from a record to the next one; longer is a pause."""
+    step = np.diff(time)[np.diff(machine) == 0]
+    return max(PAUSE, PAUSES * float(np.median(step[step > 0.0]))) if (step > 0.0).any() else PAUSE
 
 
 def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple[float, Array]:
@@ -56,13 +63,13 @@ def duration_of(time: Array, machine: NDArray[np.int64], logged: Array) -> tuple
 
     Logs round their clock (to 1e-5 days = 0.864 s in some), so steps below 1.8 periods count as one.
     """
-    step = np.diff(time, prepend=time[:1])
-    usual = step[(step > 0.0) & (step < 2.5)]
+    step, pause = np.diff(time, prepend=time[:1]), longest_step(time, machine)
+    usual = step[(step > 0.0) & (step < 0.5 * pause)]
     period = float(usual.mean()) if len(usual) else 1.0
     period = 1.0 if abs(period - 1.0) < 0.08 else period
     if np.isfinite(logged).mean() > 0.5:
-        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, PAUSE)
-    one = (step < 1.8 * period) | (step > PAUSE) | (np.diff(machine, prepend=-1) != 0)
+        return period, np.clip(np.nan_to_num(logged, nan=period), 0.05, pause)
+    one = (step < 1.8 * period) | (step > pause) | (np.diff(machine, prepend=-1) != 0)
     return period, np.maximum(np.where(one, period, step), period)
 
 
@@ -97,7 +104,11 @@ def speed_of(
         return values["speed"]
     step = np.hypot(np.diff(east), np.diff(north))
     pace = step / duration[1:]
-    goes_on = (np.diff(machine) == 0) & (np.diff(time) <= PAUSE) & (pace <= TOO_FAST * np.median(pace))
+    goes_on = (
+        (np.diff(machine) == 0)
+        & (np.diff(time) <= longest_step(time, machine))
+        & (pace <= TOO_FAST * np.median(pace))
+    )
     driven, took = np.where(goes_on, step, 0.0), np.where(goes_on, duration[1:], 0.0)
     driven, took = np.r_[0.0, driven] + np.r_[driven, 0.0], np.r_[0.0, took] + np.r_[took, 0.0]
     speed = driven / np.where(took > 0.0, took, 1.0)
@@ -116,7 +127,7 @@ def check_order(time: Array, machine: NDArray[np.int64], east: Array, north: Arr
     followed = float((nearest < min(NEAR, MOST_APART * chance)).mean())
     if followed < LEAST_FOLLOWED:
         raise InputError(
-            "log",
+            "timeline",
             f"{100 * (1 - followed):.0f} % of the records are far from those that follow",
             "expected records in driving order; --as map makes stand and yield of them, without passes",
         )

@@ -4,6 +4,7 @@ import io
 import json
 import math
 import os
+import struct
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -82,8 +83,10 @@ def are_records(count: int, names: Sequence[str], path: Path) -> bool:
     return count >= FEWEST_RECORDS and any(key in FLOWS for key in guess(names, path).columns)
 
 
-def read_points(path: Path, key: str) -> tuple[dict[str, list[Any]], Array, str, dict[str, Any]]:
-    """Columns, points (n, 2), crs (WKT) and the maker's metadata of a point shapefile. Raises InputError."""
+def read_points(path: Path, key: str) -> tuple[dict[str, list[Any]], Array, str, dict[str, Any], int]:
+    """Columns, points (n, 2), crs (WKT), the maker's metadata of a point shapefile, and how many records it
+    states; of one that is cut off what is whole. Raises InputError.
+    """
     with shapefile_parts(path, key) as parts:
         if "dbf" not in parts:
             raise InputError(key, None, "expected a .dbf beside the .shp", file=path)
@@ -93,17 +96,26 @@ def read_points(path: Path, key: str) -> tuple[dict[str, list[Any]], Array, str,
         reader = _reader(
             shp=io.BytesIO(data["shp"]), dbf=io.BytesIO(data["dbf"]), encoding=_encoding(parts, data)
         )
-        points = np.array([_point(shape) for shape in reader.iterShapes()], dtype=float).reshape(-1, 2)
-        if not len(points) or len(points) != reader.numRecords:
-            expected = f"expected as many points as records: {len(points)}, {reader.numRecords}"
+        points = [_point(shape) for shape in _whole(reader.iterShapes())]
+        records = [list(record) for record in _whole(reader.iterRecords())]
+        count = min(len(points), len(records))
+        if not count:
+            expected = f"expected as many points as records: {len(points)}, {len(records)}"
             raise InputError(key, None, expected, file=path)
-        columns: dict[str, Any] = {field[0]: [] for field in reader.fields[1:]}
-        for record in reader.iterRecords():
-            for column, value in zip(columns.values(), record, strict=True):
-                column.append(value)
-        if any(len(column) != len(points) for column in columns.values()):
-            raise InputError(key, None, f"expected {len(points)} whole records in the .dbf", file=path)
-        return columns, points, _crs(parts), _metadata(parts)
+        names = [field[0] for field in reader.fields[1:]]
+        columns = {name: [record[i] for record in records[:count]] for i, name in enumerate(names)}
+        made = np.array(points[:count], dtype=float).reshape(-1, 2)
+        stated = max(len(points), len(records), reader.numRecords)
+        return columns, made, _crs(parts), _metadata(parts), stated
+
+
+def _whole(items: Iterator[Any]) -> Iterator[Any]:
+    """Those of a file before it is cut off."""
+    while True:
+        try:
+            yield next(items)
+        except (StopIteration, struct.error, IndexError, ValueError, TypeError, OSError):
+            return
 
 
 def read_rings(path: Path, key: str) -> tuple[list[tuple[list[Any], dict[str, Any]]], str]:

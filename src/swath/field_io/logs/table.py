@@ -348,11 +348,11 @@ def _decimal_points(values: Iterable[str]) -> list[str]:
 
 def _read_shapefile(path: Path) -> Table:
     with readable("log", "a point shapefile", path):
-        columns, points, crs, about = read_points(path, "log")
+        columns, points, crs, about, count = read_points(path, "log")
         stated = [a for a in about.get("DataAttributes") or [] if isinstance(a, dict)]
         units = {str(a.get("Name")): unit_symbol(str(a.get("Unit"))) for a in stated}
         crop = str(about.get("CropName") or "")
-    return Table(columns, np.arange(1, len(points) + 1), points, crs, {}, (), units, crop)
+    return Table(columns, np.arange(1, len(points) + 1), points, crs, {}, (), units, crop, stated=count)
 
 
 def to_numbers(values: Iterable[Any]) -> Array:

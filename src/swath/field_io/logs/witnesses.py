@@ -37,7 +37,12 @@ CANDIDATES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Usual units of each quantity, and rare ones, which count where no usual one fits."""
 _NO_SYSTEM = {"%", "1"}
-PLACES = "positions"  # key of a pair that no unit mends
+PLACES = "place"  # key of a pair that no unit mends
+_DOUBTS = {
+    **dict.fromkeys(FLOWS, "yield"),
+    "header_width": "width",
+    "moisture": "moisture",
+}  # of doubts; else plausible
 CLOCK_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 
 
@@ -220,6 +225,11 @@ Row = Callable[[float], Pair]
 """A row of the table: what a column says beside something else, by the factor of its unit to SI."""
 
 
+def _doubt(key: str) -> str:
+    """Key of a doubt about a quantity."""
+    return _DOUBTS.get(key, "plausible")
+
+
 def _row(key: str, shown: str, value: float, limits: Range, refused: float = np.inf) -> list[Row]:
     """The row of a value in the unit of its column, which times the factor lies within limits; none of nan.
 
@@ -228,6 +238,7 @@ def _row(key: str, shown: str, value: float, limits: Range, refused: float = np.
     """
     if not value > 0.0:
         return []
+    key = _doubt(key)
     return [lambda f: Pair(key, shown.format(value * f), outside(value * f, limits), 0.0, refused)]
 
 
@@ -275,7 +286,7 @@ def place_pairs(logged: Logged, position: Array, drive: Drive) -> list[Pair]:
         sizes = [UNITS["time"][u] for u in logged.clock_units]
         pace = [drive.speed(logged.time) / size for size in sizes]
         text = f"{3.6 * pace[0]:.3g} km/h by positions and times"
-        pairs.append(Pair("time", text, min(outside(v, AT.speed) for v in pace), 0.0, AT.driven))
+        pairs.append(Pair("timeline", text, min(outside(v, AT.speed) for v in pace), 0.0, AT.driven))
     for key, rows in way_rows(logged, steps).items():
         column = logged.columns.get(key, Column("", "m"))
         units = sum(CANDIDATES[key], ()) if column.is_assumed else (column.unit,)
@@ -324,7 +335,8 @@ def level_pairs(
                 f"{np.median(raw[key][own]):.3g} in rows {row_number[own[0]]} to {row_number[own[-1]]}"
                 for own in np.split(rows, turns)[:2]
             )
-            yield Pair(key, f"{columns[key].column}: {said}", gap, AT.level, AT.level, "one unit in a column")
+            text = f"{key}: {columns[key].column}: {said}"
+            yield Pair("mixed", text, gap, AT.level, AT.level, "one unit in a column")
 
 
 def settle_units(
@@ -465,7 +477,7 @@ class _Bench:
         text = f"{', '.join(units)} at {lat:.2f} N, {lon:.2f} E"
         is_west = bool(units) and not self._is_american and _is_american(-lon, lat)
         entry = "where it lies west of Greenwich write lon: {unit: deg W} in --columns MAP.yaml"
-        return Pair("lon", text, float(is_west), 0.5, entry=entry)
+        return Pair("place", text, float(is_west), 0.5, entry=entry)
 
     def possible(self, key: str) -> list[str]:
         """Units that a column beside may have."""
@@ -490,7 +502,7 @@ class _Bench:
         pool = next((units for units in pools if units), [])
         may_be = pool if column.is_assumed else self._fitting(key, [column.unit], rows)
         if not (is_needed or may_be or column.is_given):
-            self.notes.append(f"{key}: {column.column} not used: {shown} otherwise")
+            self.notes.append(f"unused: {key}: {column.column} not used: {shown} otherwise")
             del self.columns[key]
             return
         if not column.is_assumed:
@@ -503,14 +515,14 @@ class _Bench:
             also = [u for u in pool if u != unit]
             doubt = f"; {' or '.join(also)} would fit as well" if also else ""
             by = ", ".join(filter(None, (shown, system)))
-            text = f"{key}: {column.column} taken as {unit}{': ' if by else ''}{by}{doubt}"
+            text = f"unit: {key}: {column.column} taken as {unit}{': ' if by else ''}{by}{doubt}"
         else:
             likely = [row for row in rows if row not in sure]
             plausible = self._fitting(key, (*self._own(usual), *usual, *rare), likely)
             if not plausible:
                 raise self._refused(key, column, shown, "")
             unit = column.unit if column.unit in plausible else plausible[0]
-            text = f"{key}: {column.column} taken as {unit}, though {shown}"
+            text = f"{_doubt(key)}: {key}: {column.column} taken as {unit}, though {shown}"
         if column.of_format and sure and pool:
             self._is_in_form &= (unit in US_CUSTOMARY) == (column.unit in US_CUSTOMARY)
         is_news = not (column.of_format and unit == column.unit and pool)
@@ -528,7 +540,8 @@ class _Bench:
         better = [u for u in fitting if not 1 / AT.alike < self.size(key, u) / size < AT.alike]
         if better and any(pair.refused < np.inf for pair in off) and not column.is_given:
             raise self._refused(key, column, shown, better[0])
-        self.notes += [f"{key}: {column.column} in {column.unit}, though {shown}"] if off else []
+        text = f"{_doubt(key)}: {key}: {column.column} in {column.unit}, though {shown}"
+        self.notes += [text] if off else []
 
     def _refused(self, key: str, column: Column, shown: str, better: str) -> InputError:
         said = f"in {column.unit}" if not column.is_assumed else "without a unit"
@@ -537,7 +550,7 @@ class _Bench:
         flag = f"{key}: {{unit: {json.dumps(unit) if unit == '%' else unit}}}"
         say = f"say the unit with --columns MAP.yaml, in it {flag}"
         expected = f"expected what the data shows: {shown}{agrees}; {say}"
-        return InputError(key, f"{column.column} {said}", expected, file=self.path)
+        return InputError(_doubt(key), f"{key}: {column.column} {said}", expected, file=self.path)
 
 
 def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[str, list[str]]:
@@ -550,12 +563,12 @@ def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[s
     fitting = [u for u, speed in speeds.items() if outside(speed, AT.speed) == 0.0]
     unit = fitting[0] if fitting and column.is_assumed else column.unit
     if unit != column.unit:
-        return unit, [f"time: {column.column} taken as {unit}: {3.6 * speeds[unit]:.1f} km/h"]
+        return unit, [f"clock: {column.column} taken as {unit}: {3.6 * speeds[unit]:.1f} km/h"]
     text = f"{column.column}: by it as {unit} the machine drives {3.6 * speeds[unit]:.3g} km/h"
     better = f"{{unit: {fitting[0]}}}" if fitting else "null, for records one after the other"
     entry = f"say its unit with --columns MAP.yaml, in it time: {better}"
     off = outside(speeds[unit], AT.speed)
-    return unit, judge([Pair("time", text, off, 0.0, AT.driven, entry, column.is_given)], path)
+    return unit, judge([Pair("timeline", text, off, 0.0, AT.driven, entry, column.is_given)], path)
 
 
 def _median(values: Array) -> float:

@@ -186,11 +186,13 @@ def read_time_log(
     starts, problems, unread = _find_records(data, layout, f"{name}.bin")
     check_values(len(starts), len(layout.channels), f"{name}.bin", most_values)
     gaps = len(problems)
+    if len(data) < (said := described.lengths.get(name, 0.0)):
+        problems.append(f"damaged: {name}.bin: {said:,.0f} bytes are stated, it has {len(data):,}")
     size = layout.head.itemsize
     raw = np.frombuffer(data, np.uint8)
     heads = raw[starts[:, None] + np.arange(size)].copy().view(layout.head)[:, 0]
     time, notes = _times(heads["days"].astype(np.int64), heads["ms"].astype(np.int64))
-    problems += [f"{name}.bin: {notes}"] if notes else []
+    problems += [f"clock: {name}.bin: {notes}"] if notes else []
     fields = {key: heads[key].astype(float) * scale for key, scale in layout.scales.items()}
     nothing = np.full(len(starts), np.nan)
     lat, lon = fields.pop("north", nothing), fields.pop("east", nothing)
@@ -198,7 +200,7 @@ def read_time_log(
     if nowhere.any():
         first = int(np.flatnonzero(nowhere)[0])
         problems.append(
-            f"{name}.bin: byte {starts[first]}: {int(nowhere.sum())} records without a place on earth"
+            f"unused: {name}.bin: byte {starts[first]}: {int(nowhere.sum())} records without a place on earth"
         )
     lat, lon = np.where(nowhere, np.nan, lat), np.where(nowhere, np.nan, lon)
     values = _held(_values(raw, starts + size, layout))
@@ -206,7 +208,7 @@ def read_time_log(
     back = np.flatnonzero(np.diff(time[known]) < np.timedelta64(0, "ms"))
     if len(back):
         first = starts[known[back[0] + 1]]
-        problems.append(f"{name}.bin: byte {first}: time goes back {len(back)} times")
+        problems.append(f"timeline: {name}.bin: byte {first}: time goes back {len(back)} times")
     up = fields.pop("up", nothing)
     task = described.logs.get(name, "")
     owners = [described.owners.get(c.element, "") for c in layout.channels]
@@ -292,10 +294,10 @@ def _find_records(data: bytes, layout: Layout, file: str) -> tuple[NDArray[np.in
         again = _next_run(data, at + 1, layout)
         unread += again - at
         if again < len(data):
-            problems.append(f"{file}: byte {at}: no record, {again - at} bytes skipped")
+            problems.append(f"damaged: {file}: byte {at}: no record, {again - at} bytes skipped")
         else:
             problems.append(
-                f"{file}: byte {at}: expected a whole record, the last {again - at} bytes are none"
+                f"damaged: {file}: byte {at}: expected a whole record, the last {again - at} bytes are none"
             )
         at = again
     return np.array(starts, dtype=np.int64), problems, unread
@@ -409,7 +411,7 @@ class TaskData:
             at_work = _at_work(log, self.described)
             if (at_work < 1.0).any():
                 found_notes.append(
-                    f"header width: that of the sections at work, {at_work.min():.0%} at least"
+                    f"derived: header width: that of the sections at work, {at_work.min():.0%} at least"
                 )
             if WIDTH in quantities:
                 is_logged = True
@@ -421,7 +423,7 @@ class TaskData:
                 width, what = self.described.width_of(self._machines(log), _marks(log))
                 stated[rows] = (width or np.nan) * at_work
                 found_notes += [
-                    f"header width: the machine states {width:g} m ({what}), the log none"
+                    f"derived: header width: the machine states {width:g} m ({what}), the log none"
                 ] * bool(width)
             notes.update(found_notes)
             for name, values in quantities.items():
@@ -449,7 +451,7 @@ class TaskData:
             left["guidance pattern"] += len(part.guidance)
             left.update(part.unused)
         left.update(self.described.unused)
-        return [f"task data, not used beside the logs: {listed(left)}"] if left.total() else []
+        return [f"unused: task data, not used beside the logs: {listed(left)}"] if left.total() else []
 
 
 def _marks(log: TimeLog) -> list[str]:
@@ -478,42 +480,64 @@ def _quantities(log: TimeLog, described: Description) -> tuple[dict[str, Array],
             made |= {f"{name}_{slug(log.channels[k].element)}": log.values[:, k] for k in reversed(group)}
         rule = TOGETHER.get(log.channels[group[0]].ddi)
         if rule and len(there) > 1:
-            made[name], made_notes = _of_machine(log, described, there, rule)
-            notes += [f"{name}: {made_notes}"] * bool(made_notes)
+            made_of, made_notes = _of_machine(log, described, there, rule, name)
+            notes += made_notes
+            if made_of is None:
+                del made[name]
+            else:
+                made[name] = made_of
     width = next((n for ddi in WIDTHS if np.isfinite(made.get(n := DDI[ddi].name + "_m", np.nan)).any()), "")
     if width:
         made[WIDTH] = made[width]
         if width != WIDTH:
-            notes.append(f"header width: taken from {width}, the log holds no actual one")
+            notes.append(f"derived: header width: taken from {width}, the log holds no actual one")
     else:
         made.pop(WIDTH, None)
     return made, notes
 
 
-def _of_machine(log: TimeLog, described: Description, there: dict[str, int], rule: str) -> tuple[Array, str]:
-    """The values of a quantity of the whole machine, shape (n,); there: element -> channel; and a note."""
+def _of_machine(
+    log: TimeLog, described: Description, there: dict[str, int], rule: str, name: str
+) -> tuple[Array | None, list[str]]:
+    """The values of a quantity of the whole machine, shape (n,); there: element -> channel; and notes.
+
+    None where several sensors say it: each has a column of its own, of which one is chosen.
+    """
     marks = _marks(log)
     owners = {e: described.owners.get(e, "") for e in there}
-    yielding = [described.owners.get(m, "") for m in marks]
-    own = next(d for d in (*yielding, *owners.values()) if d in owners.values())
-    device = described.devices.get(own, Device(""))
     medians = {e: float(np.nanmedian(log.values[:, k])) for e, k in there.items()}
-    of = device.whole([e for e in there if owners[e] == own], marks, medians.__getitem__)
+    parts, marked = dict[str, list[str]](), list[str]()
+    for owner in dict.fromkeys(owners.values()):
+        own = [e for e in there if owners[e] == owner]
+        device = described.devices.get(owner, Device(""))
+        more, more_marked = device.parts(own, marks)
+        parts, marked = parts | more, marked + more_marked
+    pool = {p: parts[p] for p in marked or parts}
+    best = max(pool, key=lambda p: sum(medians[e] for e in pool[p]))
+    is_grain = log.channels[next(iter(there.values()))].ddi in YIELDS
+    if is_grain and len(pool) > 1 and all(len(of) == 1 for of in pool.values()):
+        return None, []
+    notes = []
+    of = pool[best]
+    device = described.devices.get(owners[of[0]], Device(""))
+    others = [e for e in there if e not in of and not set(device.above(e)) & set(of)]
+    if len(of) > 1 or others:
+        how = f"{rule} of " if len(of) > 1 else "of "
+        beside = f"; not of {_shown(others, medians)}" if others else ""
+        notes.append(f"derived: {name}: {how}{_shown(of, medians)}{beside}")
+    return _together(log, there, of, rule), notes
+
+
+def _together(log: TimeLog, there: dict[str, int], of: list[str], rule: str) -> Array:
+    """The values of some elements as one, shape (n,)."""
     values = log.values[:, [there[e] for e in of]]
-    off = [_is_off(log, e) for e in of]
     if rule == "sum" and len(of) > 1:
-        values = np.where(np.stack(off, axis=1), 0.0, values)
+        values = np.where(np.stack([_is_off(log, e) for e in of], axis=1), 0.0, values)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of records before the first value
         make: Any = {"sum": np.nansum, "mean": np.nanmean, "highest": np.nanmax}[rule]
         made = make(values, axis=1)
-    made = np.where(np.isfinite(values).any(axis=1), made, np.nan)
-    others = [e for e in there if e not in of and not set(device.above(e)) & set(of)]
-    if len(of) == 1 and not others:
-        return made, ""
-    how = f"{rule} of " if len(of) > 1 else "of "
-    beside = f"; not of {_shown(others, medians)}" if others else ""
-    return made, f"{how}{_shown(of, medians)}{beside}"
+    return np.where(np.isfinite(values).any(axis=1), made, np.nan)
 
 
 def _at_work(log: TimeLog, described: Description) -> Array:
@@ -573,7 +597,7 @@ def read_taskdata(path: Path) -> TaskData:
         expected = f"expected at least one time log with a whole record{why}"
         raise InputError("taskdata", None, expected, file=path)
     logs.sort(key=lambda log: (log.begin, log.name))
-    return TaskData(path, tuple(logs), described, tuple(capped(problems, MOST_PROBLEMS)))
+    return TaskData(path, tuple(logs), described, tuple(capped(problems, MOST_PROBLEMS, "damaged: ")))
 
 
 def _read_logs(path: Path, files: TaskFiles, described: Description) -> tuple[list[TimeLog], list[str]]:
@@ -589,7 +613,7 @@ def _read_logs(path: Path, files: TaskFiles, described: Description) -> tuple[li
         try:
             log = read_time_log(name, files, described, left)
         except InputError as error:
-            problems.append(str(error))
+            problems.append(f"damaged: {error}")
             continue
         problems += log.problems
         left -= log.values.size

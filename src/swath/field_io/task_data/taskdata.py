@@ -141,8 +141,17 @@ class Device:
     ) -> list[str]:
         """The numbers of those elements that together make up the machine's header.
 
-        What is part of another one of them is in that. Sections of the same part stand beside each other. Of
-        several parts the one counts that is marked (has the yield), else the largest.
+        Of several parts the one counts that is marked (has the yield), else the largest.
+        """
+        parts, marked = self.parts(of, marks)
+        return parts[max(marked or parts, key=lambda p: sum(map(size, parts[p])))]
+
+    def parts(
+        self, of: Collection[str], marks: Collection[str] = ()
+    ) -> tuple[dict[str, list[str]], list[str]]:
+        """Part -> those of the elements that together make it up, and which parts are marked.
+
+        What is part of another one of them is in that. Sections of the same part stand beside each other.
         """
         all_of = set(of)
         tops = [e for e in of if all_of.isdisjoint(self.above(e))] or list(of)
@@ -151,8 +160,7 @@ class Device:
             is_section = e in self.elements and self.elements[e].kind in (SECTION, UNIT)
             parts.setdefault(next(iter(self.above(e)), e) if is_section else e, []).append(e)
         with_mark = {above for m in marks for above in (m, *self.above(m))}
-        marked = [p for p in parts if p in with_mark]
-        return parts[max(marked or parts, key=lambda p: sum(map(size, parts[p])))]
+        return parts, [p for p in parts if p in with_mark]
 
     def stated_width(self, ddi: int, marks: Collection[str] = ()) -> float:
         """A working width of its properties [m], 0 = none."""
@@ -174,7 +182,7 @@ class Description:
     """What TASKDATA.XML and the files it refers to say; ids are those of the file.
 
     values: by device and DDI
-    logs: name -> task
+    logs: name -> task; lengths: name -> bytes that its file has, where that is said
     owners: device element -> device
     problems: what could not be read
     unused: name -> count
@@ -185,6 +193,7 @@ class Description:
     devices: dict[str, Device] = field(default_factory=dict)
     tasks: dict[str, Task] = field(default_factory=dict)
     logs: dict[str, str] = field(default_factory=dict)
+    lengths: dict[str, float] = field(default_factory=dict)
     owners: dict[str, str] = field(default_factory=dict)
     values: dict[tuple[str, int], Value] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
@@ -227,11 +236,11 @@ def read_description(files: Mapping[str, bytes]) -> Description:
     names, tops = ["TASKDATA.XML"], []
     for name in names:
         if name not in files:
-            made.problems.append(f"{name}: referenced, but missing")
+            made.problems.append(f"damaged: {name}: referenced, but missing")
             continue
         tree = read_tree(files[name], READ)
         if tree.problem:
-            made.problems.append(f"{name}: {tree.problem}; the rest of it is left out")
+            made.problems.append(f"damaged: {name}: {tree.problem}; the rest of it is left out")
         for tag, count in tree.others.items():
             if tag not in RECORDS:
                 made.unused[LEFT_OUT.get(tag, f"element {tag}")] += count
@@ -251,6 +260,7 @@ def read_description(files: Mapping[str, bytes]) -> Description:
         devices = tuple(d.get("C") for d in task.of("DAN"))
         made.tasks[task.get("A")] = Task(task.get("E"), devices)
         made.logs |= {log.get("A").upper(): task.get("A") for log in task.of("TLG") if log.get("A")}
+        made.lengths |= {log.get("A").upper(): number(log.get("B"), 0.0) for log in task.of("TLG")}
     return made
 
 

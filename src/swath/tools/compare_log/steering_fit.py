@@ -157,6 +157,7 @@ RESAMPLES = 400
 CONFIDENCE = 0.95
 LEAST_EFFECT = 1e-6  # of a value on all of the log: below, the log does not show it
 UNSEEN = 0.25  # of its range: a standard error beyond that says that the log does not show the value
+ON_LIMIT = 0.1  # steps of the derivative: a value so near a limit lies on it
 RELAXATION = "tyres.front_relaxation_m", "tyres.rear_relaxation_m"
 OFFSET = "angle offset"  # of the logged angle, in deg: what the sensor shows driving straight
 
@@ -167,6 +168,7 @@ class Free:
 
     keys: of the sheet that go in proportion with it, itself first
     default: where the sheet has none
+    is_open: its limits are those of the sheet, no values: a fit that ends on one says that the log shows none
     """
 
     low: float
@@ -174,6 +176,7 @@ class Free:
     step: float
     keys: tuple[str, ...]
     default: float | None = None
+    is_open: bool = False
 
 
 def _free(key: str, low: float, high: float, step: float, default: float | None = None) -> tuple[str, Free]:
@@ -188,7 +191,7 @@ STEERING = dict([
 ])  # fmt: skip
 MOTION = dict([
     _free("tyres.understeer_deg_per_g", -8.0, 8.0, 0.1, default=0.0),
-    (RELAXATION[0], Free(0.05, 5.0, 0.05, RELAXATION)),
+    (RELAXATION[0], Free(0.05, 5.0, 0.05, RELAXATION, is_open=True)),
     _free("tyres.stiffness_per_rad", 0.5, 20.0, 0.1),
     _free("chassis.wheelbase_m", 0.5, 20.0, 0.02),
 ])  # fmt: skip
@@ -293,7 +296,7 @@ class _Part:
         """Least squares over the keys and the offset. first: key whose start is searched, and where."""
         least_squares, student = _scipy()
         start = np.array([*(_number(sheet, k, f) for k, f in free.items()), 0.0])
-        low, high = np.array([*((f.low, f.high) for f in free.values()), (-5.0, 5.0)]).T
+        low, high = np.array([*(_limits(sheet, f) for f in free.values()), (-5.0, 5.0)]).T
         step = np.array([*(f.step for f in free.values()), 0.02])
 
         def residual(values: Array) -> Array:
@@ -313,6 +316,8 @@ class _Part:
         residuals, jacobian = residual(found), _jacobian(residual, found, step, low, high)
         error, predicted = self._bootstrap(jacobian, residuals)
         seen = error < UNSEEN * (high - low)
+        is_open = np.array([*(f.is_open for f in free.values()), False])
+        seen &= ~is_open | ((found > low + ON_LIMIT * step) & (found < high - ON_LIMIT * step))
         wide = float(student.ppf(0.5 + 0.5 * CONFIDENCE, self._count - 1)) * error
         values = np.where(seen, found, start)
         best = _changed(sheet, free, values)
@@ -385,6 +390,12 @@ def _number(sheet: Sheet, key: str, free: Free) -> float:
         if free.default is None:
             raise
         return free.default
+
+
+def _limits(sheet: Sheet, free: Free) -> tuple[float, float]:
+    """Limits of a value within which the keys that go along keep theirs, too."""
+    along = [sheet.number(k) / sheet.number(free.keys[0]) for k in free.keys[1:]]
+    return free.low / min([1.0, *along]), free.high / max([1.0, *along])
 
 
 def _changed(sheet: Sheet, free: dict[str, Free], values: Array) -> Sheet:
