@@ -7,12 +7,13 @@ cannot say: oktas of a sky that is hardly covered, km/h of a light wind and degF
 """
 
 from collections.abc import Callable
-from math import pi
+from math import atan2, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.portable import exp, log, product, solve
 from swath.documents.witness import Witness
 
 Array = NDArray[np.float64]
@@ -52,12 +53,12 @@ def within(top: float, is_whole: bool | None = None, above: float = 0.0) -> Call
 
 def vapour_pressure(temperature: Array) -> Array:
     """Of saturation over water [hPa] (Magnus, WMO-No. 8)."""
-    return 6.112 * np.exp(17.62 * temperature / (243.12 + temperature))
+    return 6.112 * exp(17.62 * temperature / (243.12 + temperature))
 
 
 def dew_point(temperature: Array, humidity: Array) -> Array:
     """By the Magnus formula [deg C]."""
-    of = np.log(vapour_pressure(temperature) * np.maximum(humidity, 0.1) / 100.0 / 6.112)
+    of = log(vapour_pressure(temperature) * np.maximum(humidity, 0.1) / 100.0 / 6.112)
     return 243.12 * of / (17.62 - of)
 
 
@@ -126,13 +127,13 @@ def daily(column: Array, hour: Array) -> Found:
     """
     angle = 2.0 * pi * hour / 24.0
     base = np.stack([np.ones_like(hour), hour - hour.mean(), np.cos(angle), np.sin(angle)], axis=1)
-    fit = np.linalg.lstsq(base, column, rcond=None)[0]
-    rest = column - base @ fit
-    wave = base[:, 2:] @ fit[2:]
+    fit = solve(product(base.T, base), product(base.T, column))
+    rest = column - product(base, fit)
+    wave = product(base[:, 2:], fit[2:])
     share = float(wave.var() / max(wave.var() + rest.var(), 1e-12))
     return (
         float(np.hypot(fit[2], fit[3])),
-        float(np.arctan2(fit[3], fit[2]) * 24.0 / (2.0 * pi)) % 24.0,
+        atan2(fit[3], fit[2]) * 24.0 / (2.0 * pi) % 24.0,
         share,
     )
 

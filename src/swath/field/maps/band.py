@@ -3,6 +3,7 @@
 import os
 import re
 from dataclasses import dataclass
+from math import atan2, cos, sin
 from pathlib import Path
 from typing import Any
 
@@ -173,7 +174,7 @@ def check_ground(values: Array, cell: float, path: Path) -> tuple[str, ...]:
     Raises InputError for cliffs, and where half of it is too steep for ground.
     """
     steps = [np.diff(values, axis=axis) for axis in (0, 1)]
-    known = sum(int(np.isfinite(step).sum()) for step in steps)
+    known = sum(step.size - int(np.isnan(step).sum()) for step in steps)
     steep = sum(int((np.abs(step) > max(HOLE_STEP, cell)).sum()) for step in steps)
     seam = _seam(values, steps)
     measures = {
@@ -199,8 +200,10 @@ def _seam(values: Array, steps: list[Array]) -> float:
     if len(at) < ACROSS * min(values.shape):
         return 0.0
     middle = np.median(at, axis=0)
-    along = np.linalg.svd(at - middle, full_matrices=False)[2]
-    way, off = ((at - middle) @ along.T).T
+    y, x = (at - middle).T
+    turned = 0.5 * atan2(2.0 * float((y * x).sum()), float((y * y).sum() - (x * x).sum()))
+    along = np.array([[cos(turned), sin(turned)], [-sin(turned), cos(turned)]])
+    way, off = y * along[:, :1] + x * along[:, 1:]
     passed = np.unique(way.astype(int))
     if len(passed) < ACROSS * min(values.shape) or np.median(np.abs(off)) > BROAD:
         return 0.0
