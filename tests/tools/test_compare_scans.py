@@ -1,6 +1,7 @@
 """`swath compare scans`: closed forms, noise, clouds that were turned and moved, wrong frames and units."""
 
 import json
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -247,6 +248,18 @@ def test_points_that_are_no_one_field_are_refused(las):
     cloud.points[:2, :2] = (40_000.0, 0.0), (0.0, 4_000.0)
     with pytest.raises(InputError, match=r"at most 2.7 km2 .* they spread over \d{5} x \d{4} m"):
         read_cloud(las("far.las", cloud), Reading(Wanted()))
+
+
+@pytest.mark.parametrize("offset", [np.inf, np.nan, 1e300, -1e9])
+@pytest.mark.parametrize("at", [155, 163, 171])
+def test_points_at_no_place_on_earth_are_refused(las, capfd, offset, at):
+    file = las("away.las", stand(1, count=300))
+    data = bytearray(file.read_bytes())
+    struct.pack_into("<d", data, at, offset)  # LAS 1.4 R15: offsets of x, y, z in the head
+    file.write_bytes(data)
+    with pytest.raises(InputError, match="expected points at places on earth"):
+        read_cloud(file, Reading(Wanted()))
+    assert capfd.readouterr().out == ""
 
 
 @pytest.mark.draws

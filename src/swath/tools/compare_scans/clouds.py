@@ -30,6 +30,7 @@ LAS = (".las", ".laz")
 LAS_WHITE = 65535.0  # LAS 1.4 R15: intensity is normalised to 16 bit
 GROUND_CLASS, FEWEST_GROUND = 2, 100  # of ASPRS; points that make it a ground
 CHUNK, MOST = 1 << 20, 20_000_000  # points that are read at once, and of a file in all
+FARTHEST_M = 1e8  # of a coordinate in any system of the earth; Web Mercator ends at 2e7
 CELL_M = 0.05  # of the frame whose nodes hold the ground
 HIGHEST_M, LOWEST_M = 20.0, -1.0  # no crop is higher; nothing lies lower, noise aside
 METRE = re.compile(r"^(metre|meter|metres|meters|m)$", re.IGNORECASE)
@@ -172,6 +173,12 @@ def _read_las(path: Path, how: Reading) -> Cloud:
     points, intensity, classes, wkt = _points_of_las(path)
     notes: list[str] = []
     points = _in_metres(points, wkt, how.wanted.to_local, path, notes)
+    is_placed = (np.abs(points) < FARTHEST_M).all(axis=1)
+    if not is_placed.any():
+        raise InputError("scans", path.name, "expected points at places on earth, none is", file=path)
+    if not is_placed.all():
+        notes.append(f"{int((~is_placed).sum()):,} of {len(points):,} points lie at no place on earth")
+        points, intensity, classes = points[is_placed], intensity[is_placed], classes[is_placed]
     if not intensity.any():
         intensity = np.full(len(intensity), np.nan)
     height = _las_heights(points, classes, path, notes)
@@ -191,7 +198,8 @@ def _wkt(header: Any) -> str:
 
 def _in_metres(points: F64, wkt: str, to_local: Any, path: Path, notes: list[str]) -> F64:
     """Points in metres of the ground, by what the file says of its system, or by what they look like."""
-    spread = np.ptp(points, axis=0)
+    with np.errstate(invalid="ignore"):  # of points at no place
+        spread = np.ptp(points, axis=0)
     is_local = wkt.startswith(("LOCAL_CS", "ENGCRS", "ENGINEERINGCRS")) or not wkt
     if wkt.startswith(("GEOGCS", "GEOGCRS")) or (not wkt and max(spread[:2]) < 0.02 * spread[2]):
         raise InputError("scans", path.name, "expected x and y in metres, they are degrees", file=path)
