@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from swath.documents.reasons import doubts
+
 
 @dataclass(frozen=True)
 class ImportReport:
@@ -43,7 +45,7 @@ class ImportReport:
                 ("guidance lines", f"{field['guidance_lines']}", ""),
                 ("crop", crop["name"], f"{crop['stems_per_m2']:.3g} stems/m2 everywhere"),
                 ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
-                *(("note", "", note) for note in self.notes),
+                *(("doubt" if doubts([note]) else "note", "", note) for note in self.notes),
             ]
         read = self.rows["read"]
         spacing = "" if field["pass_spacing_m"] is None else f", {field['pass_spacing_m']:.2f} m apart"
@@ -66,7 +68,7 @@ class ImportReport:
             ("crop", crop["name"], ""),
             ("stems", f"{crop['stems_per_m2']:.3g} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"),
             ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
-            *(("note", "", note) for note in self.notes),
+            *(("doubt" if doubts([note]) else "note", "", note) for note in self.notes),
         ]  # fmt: skip
 
     def __rich__(self) -> Any:
