@@ -25,6 +25,7 @@ LOCAL_RECORDS = 21  # of the running median a record is held against
 STRIP_RECORDS = 41  # of the running median that shows a strip narrower than the header
 STRIP_SHARE = 0.6  # of the yield of the passes beside it: less means that the header was not full
 STRIP_REACH = 1.6  # header widths to the passes beside
+MOSTLY = 0.5  # of the records of a stretch with a working header: it is in the crop in all of it
 LONGEST_HOLE = 5  # records without crop that do not end a pass
 SHORTEST_PASS = 30.0  # m
 
@@ -113,8 +114,18 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
     reason[narrow] = REASONS.index("narrow_strip")
     reason[_outliers(log, grain, reason < 0)] = REASONS.index("yield_outlier")
     is_cut_off = np.array([d.is_cut_off for d in delays])[log.machine] & (log.flow >= LEAST_FLOW * usual_flow)
-    cutting = ~standing & (~empty | is_cut_off) & (log.width > 0.0) & log.working
+    cutting = ~standing & (_in_crop(log, empty) | is_cut_off) & (log.width > 0.0) & log.working
     return Cleaned(log, cutting, tuple(delays), reason, flow, grain, pass_id, course, distance)
+
+
+def _in_crop(log: Log, empty: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the header is in the crop, shape (n,): where it says so, in the whole of a stretch of which most
+    records have grain; of a machine that does not say it, where there is grain.
+    """
+    says = np.isin(log.machine, np.unique(log.machine[~log.working]))
+    stretch = np.cumsum(log.gap | np.r_[True, np.diff(log.working)])
+    share = np.bincount(stretch, ~empty) / np.maximum(np.bincount(stretch), 1)
+    return np.where(says & (share[stretch] > MOSTLY), log.working, ~empty)
 
 
 def clean_map(log: Log, inside: NDArray[np.bool_] | None = None) -> Cleaned:

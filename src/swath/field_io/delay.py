@@ -406,8 +406,10 @@ def _of_turns(log: Log, own: Indices) -> tuple[list[tuple[Estimate, str]], bool]
     is_steep = bool(steep.max() > AT_ONCE)
     is_cut_off = is_steep and bool(steep.min() < 1.0 - AT_ONCE and np.isfinite(lasts).any(axis=1).all())
     if len(sides) == 2:
-        is_cut_off = float(np.ptp(values)) > SLACK > float(np.abs(values).min())
-        is_steep = False
+        is_apart = float(np.ptp(values)) > SLACK
+        is_cut_off, is_steep = is_apart and float(np.abs(values).min()) < SLACK, False
+        if is_apart and not is_cut_off and np.ptp(values) > 3.0 * np.hypot(*(side.error for side in sides)):
+            return [], False  # held or let die away while the header is out: neither side is the crop's
     if is_shown:
         ends = [_middle(np.array(end)) for end in found]
         error = max(0.5 * float(np.hypot(ends[0].error, ends[1].error)), LEAST_ERROR)

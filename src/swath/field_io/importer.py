@@ -43,6 +43,7 @@ MARGIN_M = 40.0  # of terrain around the field, for turning
 CLIPPED = 0.05, 0.5  # of the cells, with stems outside what the crop can have: noted, refused
 BALANCE = 0.25, 1.5  # of more logged than mapped grain: noted, refused; of less: noted
 WIDER = 0.03  # of passes farther apart than the header is wide: no crop is left standing between them
+OVERLAP = 0.12  # of a header over the distance of its passes: 0.03 in recorded logs, 0.1 without guidance
 MACHINES, FEWEST_BESIDE = 0.1, 200  # yields of two machines side by side; records that say something
 # of a log without a record left (noted, refused), estimated: shares of its records on the spot of the one
 # before, and without flow, without width or behind a pause; by how much the faster of two speeds is faster
@@ -442,7 +443,8 @@ def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:
     width, moist = float(np.median(log.width[kept])), log.moisture[kept]
     text = f"passes lie {spacing:.2f} m apart, the header is {width:.2f} m wide"
     entry = "the yield goes with the width: header_width in --columns, or --header-width-m"
-    pairs = [Pair("width", text, spacing / width - 1.0, WIDER, entry=entry)]
+    pairs = [Pair("width", text, spacing / width - 1.0, WIDER, entry=entry),
+             Pair("width", text, width / spacing - 1.0, OVERLAP, entry=entry)]  # fmt: skip
     low, high = MOISTURES.get(crop.name, MOISTURES[""])
     middle = float(np.median(moist[np.isfinite(moist)])) if np.isfinite(moist).any() else np.nan
     text = (
