@@ -119,8 +119,10 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
 
 
 def _in_crop(log: Log, empty: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether the header is in the crop, shape (n,): where it says so, in the whole of a stretch of which most
-    records have grain; of a machine that does not say it, where there is grain.
+    """Whether the header is in the crop, shape (n,).
+
+    Where the log says that it works, in the whole of a stretch of which most records have grain; of a machine
+    that does not say it, where there is grain.
     """
     says = np.isin(log.machine, np.unique(log.machine[~log.working]))
     stretch = np.cumsum(log.gap | np.r_[True, np.diff(log.working)])
