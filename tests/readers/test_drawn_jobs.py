@@ -15,7 +15,7 @@ from swath.documents.reasons import doubts, key_of
 from swath.field.maps.projection import origin_at, transform
 from swath.field_io.importer import Settings, import_log
 from swath.field_io.outline import read_outlines
-from swath.field_io.roles import BARE, FIELD, LINE, OTHER, UNKNOWN, role_of
+from swath.field_io.roles import BARE, FIELD, LINE, OTHER, PART, UNKNOWN, named, role_of
 from swath.fleet.files import read_field
 from tests.readers.drawn_jobs import draw, read
 from tests.readers.verdict import verdict, without_key
@@ -35,19 +35,31 @@ def test_a_drawn_map_is_read_truly_or_told_by_its_cause(seed):
 SAID = {
     FIELD: [{"landuse": "farmland"}, {"Nutzung": "Acker"}, {"crop": "Winter wheat"}, {"fclass": "meadow"},
             {"kind": "field", "natural": "water"}],
-    BARE: [{"highway": "track", "type": "way"}, {"kind": "Ponds"}, {"building": "yes"}, {"name": "Pond 2"},
-           {"highway": "track", "type": "some word"}],
-    LINE: [{"type": "AB_Line"}, {"folder": "Guidance lines"}, {"name": "AB 12"}],
-    OTHER: [{"kind": "headland"}, {"type": "treatment zone"}],
-    UNKNOWN: [{"kind": "silage film"}],
+    BARE: [{"highway": "track", "type": "way"}, {"kind": "Ponds"}, {"building": "yes"}, {"water": "Pond"},
+           {"highway": "track", "type": "some word"}, {"fclass": "primary"}, {"highway": "residential"},
+           {"power": "substation"}, {"building": 1}],
+    LINE: [{"type": "AB_Line"}],
+    PART: [{"type": "treatment zone"}],
+    OTHER: [{"kind": "headland"}],
+    UNKNOWN: [{"kind": "silage film"}, {"type": "Primary"}, {"crop": "Wood"}],
     "": [{}, {"name": "Am Feldweg"}, {"type": "Polygon"}, {"layer": "field"}, {"kind": None}, {"type": 3},
-         {"building": "no"}, {"boundary": "yes"}],
+         {"building": "no"}, {"boundary": "yes"}, {"name": "Pond 2"}, {"folder": "Zones"}, {"layer": "zone"},
+         {"water": 0}, {"water": 0.0}, {"building": "0"}, {"building": False}, {"power": "irrigated"},
+         {"water": "none"}, {"highway": ""}],
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("role", SAID)
 def test_what_a_thing_says_makes_its_role(role):
     assert [role_of(said)[0] for said in SAID[role]] == [role] * len(SAID[role])
+
+
+@pytest.mark.parametrize(
+    ("said", "role"),
+    [({"folder": "Guidance lines"}, LINE), ({"name": "AB 12"}, LINE), ({"name": "Pond 2"}, BARE), ({}, "")],
+)
+def test_a_name_says_what_a_line_is(said, role):
+    assert named(said)[0] == role
 
 
 def lon_lat(points):
@@ -100,6 +112,50 @@ def test_an_area_in_a_field_is_what_it_says(tmp_path, word, left, doubt):
     field = read_field(path, 9.0)
     assert area(field) == pytest.approx(left, rel=1e-3)
     assert doubts(field.notes) == doubt
+
+
+@pytest.mark.parametrize(
+    "said",
+    [*({"name": name} for name in ("Quarry", "Pond", "River", "House", "Weg 3", "Zone 2", "Pass")),
+     {"folder": "Zones"}, {"folder": "Tracks"}, {"layer": "zone"}, {"type": "Zone"}, {"type": "Primary"},
+     {"crop": "Wood"}, {"water": 0}, {"power": "irrigated"}],
+)  # fmt: skip
+def test_the_only_area_is_the_field_whatever_its_name(tmp_path, said):
+    path = features(tmp_path / "a.json", ("Polygon", HOME, said))
+    (found,), notes = read_field(path, 9.0).areas, read_field(path, 9.0).notes
+    assert found.area == pytest.approx(3e4, rel=1e-3)
+    assert not doubts(notes)
+
+
+BESIDE = [(320, 0), (420, 0), (420, 100), (320, 100), (320, 0)]
+OVER = [(195, 0), (300, 0), (300, 100), (195, 100), (195, 0)]
+
+
+@pytest.mark.parametrize(("first", "ring", "second", "taken", "doubt"), [
+    ({"name": "Quarry"}, BESIDE, {"name": "Home"}, 3.0, ["sources"]),
+    ({"name": "Home"}, BESIDE, {"name": "Pond"}, 3.0, []),
+    ({"name": "Home"}, OVER, {"name": "Pond"}, 4.0, ["sources"]),
+    ({"name": "Home"}, OVER, {"kind": "pond"}, 2.95, []),
+    ({"name": "Pond"}, BESIDE, {"name": "Quarry"}, 3.0, []),
+    ({"crop": "Wheat"}, BESIDE, {"crop": "Ginseng"}, 3.0, ["lost"]),
+])  # fmt: skip
+def test_a_name_takes_no_field_and_is_told(tmp_path, first, ring, second, taken, doubt):
+    found = read_outlines(features(tmp_path / "a.json", ("Polygon", HOME, first), ("Polygon", ring, second)))
+    field, notes = found.field()
+    assert field.area == pytest.approx(1e4 * taken, rel=1e-3)
+    assert doubts(notes) == doubt
+    if ring is BESIDE and len(found.areas) == 2:  # the places of a log settle it
+        inner = np.array(field.representative_point().coords)
+        assert not doubts(found.field(inner)[1])
+
+
+def test_of_a_job_all_fields_are_worked_and_a_pond_by_name_among_them_is_told(tmp_path):
+    path = features(
+        tmp_path / "a.json", ("Polygon", HOME, {"name": "Home"}), ("Polygon", BESIDE, {"name": "Pond"})
+    )
+    field = read_field(path, 9.0)
+    assert area(field) == pytest.approx(4.0, rel=1e-3)
+    assert doubts(field.notes) == ["sources"]
 
 
 def test_words_of_a_shapefile_in_utf_8_are_known_without_a_cpg(tmp_path):
@@ -162,6 +218,38 @@ def test_places_lie_where_their_system_is_used(tmp_path, crs):
         with pytest.raises(InputError) as error:
             read_outlines(tmp_path / "a.json")
         assert error.value.key == "place"
+
+
+@pytest.mark.parametrize(
+    ("crs", "lon", "lat", "key"),
+    [("EPSG:25833", 5.7, 58.8, "place"), ("EPSG:25833", 30.9, 70.3, "place"),
+     ("EPSG:32632", 18.4, 40.4, "place"), ("EPSG:32633", 29.0, 45.0, "place"),
+     ("EPSG:25832", 15.0, 55.1, ""), ("EPSG:31467", 11.5, 48.5, "")],
+)  # fmt: skip
+def test_a_zone_that_is_kept_for_a_whole_country_is_read_and_told_where_far(tmp_path, crs, lon, lat, key):
+    corner = transform([[lon, lat]], "EPSG:4326", crs)[0]
+    ring = (np.array(HOME) + corner).tolist()
+    shape = {"type": "Polygon", "coordinates": [ring], "crs": {"type": "name", "properties": {"name": crs}}}
+    (tmp_path / "a.json").write_text(json.dumps(shape))
+    found = read_outlines(tmp_path / "a.json")
+    assert found.areas[0].area == pytest.approx(3e4, rel=0.05)
+    assert doubts(found.notes) == [key] * bool(key)
+    at = transform(np.array(found.areas[0].centroid.coords), f"EPSG:{found.epsg}", "EPSG:4326")[0]
+    assert at == pytest.approx((lon, lat), abs=0.02)
+
+
+def test_numbers_of_another_zone_of_gauss_krueger_and_north_first_are_refused_or_told(tmp_path):
+    for name, of, turned in (("EPSG:31467", "EPSG:31468", False), ("EPSG:25833", "EPSG:25833", True)):
+        ring = transform(np.array(lon_lat(HOME)), "EPSG:4326", of)[:, :: -1 if turned else 1].tolist()
+        shape = {"type": "Polygon", "coordinates": [ring]}
+        path = tmp_path / f"{turned}.json"
+        path.write_text(json.dumps({**shape, "crs": {"type": "name", "properties": {"name": name}}}))
+        if turned:
+            assert [key_of(note) for note in read_outlines(path).notes] == ["reference"]
+        else:
+            with pytest.raises(InputError, match="expected places in") as error:
+                read_outlines(path)
+            assert error.value.key == "place"
 
 
 @pytest.mark.parametrize("is_area", [False, True])

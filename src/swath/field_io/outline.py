@@ -22,7 +22,7 @@ from swath.field.maps.projection import known_crs, transform, utm_epsg
 from swath.field_io.clean import Cleaned
 from swath.field_io.logs.coordinates import place
 from swath.field_io.logs.shapefiles import are_records, read_rings
-from swath.field_io.roles import BARE, FIELD, LINE, UNKNOWN, role_of
+from swath.field_io.roles import BARE, FIELD, LINE, PART, UNKNOWN, named, role_of
 from swath.field_io.task_data.taskdata import listed
 
 Array = NDArray[np.float64]
@@ -31,10 +31,8 @@ SMALLEST_HOLE = 400.0  # m2: what is left out inside the field and larger is no 
 LARGEST_BYTES, LARGEST_KML = 1 << 27, 1 << 25
 EMPTY_AREA, LARGEST_AREA = 100.0, 1e8  # m2: less and more is no field
 FARTHEST_KM, DEGREE_KM = 100.0, 111.2  # from a field to what a farm has beside it; of a degree of latitude
-BESIDE_DEG = (
-    3.0,
-    1.0,
-)  # of longitude (half a zone) and latitude, beside the area of a system that is used there
+BESIDE_DEG = 3.0, 1.0  # of longitude (half a zone) and latitude, beside the area of a system
+BESIDE_ZONES = 2.5  # widths of it, from 12 to 18 E to 31 E of all of Norway, which is kept in UTM zone 33
 BESIDE_M = 5.0  # m: lines that go so far over the edge still lie in the field
 LEAST_TOLD = 1.0  # m2: less is left out without a word
 MOST_CORNERS = 50_000  # of a polygon: one at 10 Hz around 100 ha has 20,000
@@ -58,6 +56,7 @@ class Outlines:
     names: of the areas, '' where the file has none
     notes: what within them was taken as what
     lines: guidance lines, (n, 2) each
+    misnamed: of the areas, the word in their name by which no crop would stand there, or ''
     """
 
     areas: tuple[Any, ...]
@@ -65,6 +64,14 @@ class Outlines:
     epsg: int
     notes: tuple[str, ...] = ()
     lines: tuple[Array, ...] = ()
+    misnamed: tuple[str, ...] = ()
+
+    def doubts_of(self, taken: Sequence[int]) -> list[str]:
+        """A note where areas that are taken have such a name, and others have none."""
+        words = dict.fromkeys(word for i in taken if (word := self.misnamed[i]))
+        if not words or all(self.misnamed):
+            return []
+        return [f"sources: {some_of(words, 5)} by name, taken as a field: nothing states its kind"]
 
     def field(self, places: Array | None = None) -> tuple[Any, list[str]]:
         """One polygon, with its holes, and notes on it and on what is left out.
@@ -74,7 +81,7 @@ class Outlines:
         some = np.zeros((0, 2)) if places is None else places[:: max(1, len(places) // PROBED)]
         held = [int(inside(area, some).sum()) for area in self.areas]
         index = int(np.argmax(held))
-        field, notes = self.areas[index], list(self.notes)
+        field, notes = self.areas[index], [*self.notes, *self.doubts_of([] if max(held) else [index])]
         others = [i for i in range(len(self.areas)) if i != index]
         left_out = sum(self.areas[i].area for i in others)
         if left_out >= LEAST_TOLD:
@@ -102,8 +109,9 @@ class Piece:
 
     @cached_property
     def role(self) -> tuple[str, str]:
-        """Its role, and the word that makes it."""
-        return role_of(self.said)
+        """Its role, and the word that makes it; of an area never its name, as fields have any."""
+        stated = role_of(self.said)
+        return stated if stated[0] or self.kind == "Polygon" else named(self.said)
 
     @property
     def label(self) -> str:
@@ -114,13 +122,16 @@ class Piece:
 
 @dataclass(frozen=True)
 class Shape:
-    """An area [m]. name: that it has; group: as of a piece; role: of roles.py, and the word that makes it."""
+    """An area [m]. name: that it has; group: as of a piece; role: of roles.py, and the word that makes it;
+    misnamed: as of Outlines.
+    """
 
     polygon: Any
     name: str = ""
     group: int = 0
     role: str = ""
     word: str = ""
+    misnamed: str = ""
 
 
 def read_outlines(path: Path, epsg: int | None = None, or_lines: bool = False) -> Outlines:
@@ -178,7 +189,7 @@ def _closed_lines(found: list[Piece]) -> tuple[list[Piece], list[str]]:
     taken = [p for p in lines if p.role[0] == FIELD and len(p.rings[0]) > 2]
     if len(lines) == len(found) and not taken:
         closed = [p for p in lines if len(p.rings[0]) > 3 and _gap(p.rings[0]) <= DIFFERS]
-        taken = [p for p in closed if len(closed) == 1 and not p.role[0]]
+        taken = [p for p in closed if len(closed) == 1 and not role_of(p.said)[0] and p.role[0] != LINE]
     key = "outline" if any(_gap(p.rings[0]) > DIFFERS for p in taken) else "shape"
     notes = [f"{key}: {len(taken)} lines are outlines, their ends are joined"] if taken else []
     made = [replace(p, kind="Polygon") if any(p is t for t in taken) else p for p in found]
@@ -223,7 +234,8 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     numbers = np.concatenate(areas or [ring for p in found for ring in p.rings])
     middle, most = np.median(numbers, axis=0), np.abs(numbers).max(axis=0)
     both, limits = transform([middle, middle[::-1]], system, "EPSG:4326"), np.array([most, most[::-1]])
-    can_be = next((fits for more in (0.0, 1.0) if any(fits := _fits(limits, both, system, more))), [])
+    tries = [_fits(limits, both, system, margin) for margin in _margins(system)]
+    can_be = next((fits for fits in tries if any(fits)), [])
     near = [fits and epsg in (None, utm_epsg(*at)) for fits, at in zip(can_be, both, strict=bool(can_be))]
     straight, swapped = near if any(near) else can_be or (False, False)
     if not straight and not swapped:
@@ -239,18 +251,31 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     elif not straight:
         raw = [places[:, ::-1] for places in raw]
         notes = [f"reference: north first in {crs or 'degrees'}: taken as {where[1]}, as nothing else fits"]
+    if not any(any(fits) for fits in tries[:2]):
+        notes.append(f"place: far beside where {system.name} is used: taken as {where[0 if straight else 1]}")
     return _split(transform(np.concatenate(raw), system, "EPSG:4326"), raw), notes
 
 
-def _fits(most: Array, lon_lat: Array, system: Any, more: float) -> list[bool]:
+def _margins(system: Any) -> list[tuple[float, float]]:
+    """Of longitude and latitude [deg] around the area of a system: it alone, its usual neighbourhood, and
+    the zones beside it, where a zone is kept for a whole country.
+    """
+    used = system.area_of_use
+    if used is None or system.is_geographic:
+        return [(0.0, 0.0), BESIDE_DEG]
+    zones = BESIDE_ZONES * ((used.east - used.west) % 360.0 or 360.0)
+    return [(0.0, 0.0), BESIDE_DEG, (min(max(zones, BESIDE_DEG[0]), BESIDE_ZONES * 6.0), BESIDE_DEG[1])]
+
+
+def _fits(most: Array, lon_lat: Array, system: Any, beside: tuple[float, float]) -> list[bool]:
     """Whether places lie where their system is used, or beside it. most: their largest numbers, as read two
-    ways; more: share of BESIDE_DEG.
+    ways; beside: [deg] of longitude and latitude.
     """
     used = system.area_of_use
     west, south, east, north = used.bounds if used else (-180.0, -90.0, 180.0, 90.0)
     is_angle = (most <= (360.0, 90.0)).all(axis=1) == system.is_geographic
     lon, lat = np.where(np.isfinite(lon_lat), lon_lat, np.nan).T
-    margin, far = (more * deg for deg in BESIDE_DEG)
+    margin, far = beside
     is_across = (lon - west + margin) % 360.0 <= ((east - west) % 360.0 or 360.0) + 2.0 * margin
     return [bool(fit) for fit in is_angle & is_across & (lat >= south - far) & (lat <= north + far)]
 
@@ -290,8 +315,10 @@ def shapes_of(found: list[Piece], epsg: int, notes: list[str]) -> list[Shape]:
             outside += sum(rings[0].intersection(h).area < 0.5 * h.area for h in rings[1:])
             polygon = rings[0].difference(shapely.union_all(rings[1:]))
         role, word = piece.role
-        named = (str(v).strip() for k, v in piece.said.items() if k.lower() in NAMES and v)
-        shapes.append(Shape(polygon, next(named, "")[:60], piece.group, role, word))
+        names = (str(v).strip() for k, v in piece.said.items() if k.lower() in NAMES and v)
+        by_name, misnamed = named(piece.said)
+        misnamed = misnamed if not role and by_name != FIELD else ""
+        shapes.append(Shape(polygon, next(names, "")[:60], piece.group, role, word, misnamed))
     if crossed:
         places, key = some_of(crossed, 3, "; "), "outline" if apart > DIFFERS else "shape"
         notes.append(f"{key}: an outline crosses itself at {places} (EPSG:{epsg})")
@@ -334,7 +361,12 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
     shapes.sort(key=lambda s: s.role != FIELD)
     is_said = shapes[0].role == FIELD
     open_to = (FIELD, "") if is_said else ("", UNKNOWN)
+    if not any(s.role in open_to for s in shapes):
+        open_to = (PART, PART)
     fields = [s for s in shapes if s.role in open_to]
+    if fields and PART in open_to:
+        words = some_of(dict.fromkeys(s.word for s in fields), 5)
+        notes.append(f"shape: {words} areas are the field, as nothing else is one")
     unused.update(f"{s.word} area" for s in shapes if s.role not in (*open_to, BARE))
     if not fields:
         words = some_of(dict.fromkeys(s.word for s in shapes), 5)
@@ -362,10 +394,13 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
         if within >= LEAST_TOLD:
             notes.append(f"unused: polygons of another folder within the field, {within / 1e4:.2f} ha")
     strange = [s for s in shapes if s.role == UNKNOWN and is_said]
-    unknown = shapely.union_all([s.polygon for s in strange]).intersection(whole).area
-    if unknown > DIFFERS * whole.area:
-        words = some_of(dict.fromkeys(s.word for s in strange), 5)
-        notes.append(f"lost: {unknown / 1e4:.2f} ha of the field are of an unknown kind, crop there: {words}")
+    unknown = shapely.union_all([s.polygon for s in strange])
+    within = unknown.intersection(whole).area
+    for size, where in ((within, "of the field"), (unknown.area - within, "beside the field")):
+        if size > DIFFERS * whole.area:
+            words = some_of(dict.fromkeys(s.word for s in strange), 5)
+            taken = "crop there" if where == "of the field" else "left out"
+            notes.append(f"lost: {size / 1e4:.2f} ha {where} are of an unknown kind, {taken}: {words}")
     whole = _without_bare(whole, [s for s in shapes if s.role == BARE], unused, notes)
     areas = [p for p in _parts(whole) if p.area > EMPTY_AREA]
     if not areas:
@@ -374,17 +409,23 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
     if areas[0].area > LARGEST_AREA:
         expected = f"expected a field of at most {LARGEST_AREA / 1e4:.0f} ha"
         raise InputError("plausible", f"{areas[0].area / 1e4:.0f} ha", expected, file=path)
-    names, tree = [], shapely.STRtree([s.polygon.representative_point() for s in land])
+    names, misnamed, tree = [], [], shapely.STRtree([s.polygon.representative_point() for s in land])
     for area in areas:
         own = [land[i] for i in sorted(tree.query(area.buffer(0.5), predicate="contains").tolist())]
         names.append(own[0].name if len(own) == 1 else "")
+        against = dict.fromkeys(s.misnamed for s in own if s.misnamed)
+        misnamed.append(some_of(against, 5) if against else "")
         if len(own) > 1:
             sizes = some_of((f"{s.polygon.area / 1e4:.2f}" for s in own), 5, " + ")
             notes.append(f"shape: {len(own)} polygons that touch are one field ({sizes} ha)")
+            if misnamed[-1] and not all(s.misnamed for s in own):
+                notes.append(f"sources: {misnamed[-1]} by name, taken as a part of the field that it touches")
+                misnamed[-1] = ""
     outside = [s for s in beside if not s.polygon.intersects(whole)]
     areas += [s.polygon for s in outside]
     names += [s.name for s in outside]
-    return Outlines(tuple(areas), tuple(names), epsg, tuple(notes))
+    misnamed += [s.misnamed for s in outside]
+    return Outlines(tuple(areas), tuple(names), epsg, tuple(notes), misnamed=tuple(misnamed))
 
 
 def _without_bare(whole: Any, bare: list[Shape], unused: Counter[str], notes: list[str]) -> Any:

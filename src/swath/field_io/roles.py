@@ -10,8 +10,8 @@ from typing import Any
 from swath.documents.yaml_document import read_mapping
 from swath.field_io import trade
 
-FIELD, BARE, LINE, OTHER, UNKNOWN = "field", "bare", "line", "other", "unknown"
-"""Crop stands in it; none does; guidance; neither of these; its word is in no table."""
+FIELD, BARE, LINE, PART, OTHER, UNKNOWN = "field", "bare", "line", "part", "other", "unknown"
+"""Crop stands in it; none does; guidance; a part of a field; none of these; its word is in no table."""
 
 
 @cache
@@ -23,22 +23,35 @@ def _table() -> dict[str, Any]:
 
 
 def role_of(said: Mapping[str, Any]) -> tuple[str, str]:
-    """Role and word of a thing by its properties; ("", "") where it says nothing."""
+    """Role and word of a thing by the properties that state its kind; ("", "") where none does."""
     table = _table()
-    texts = {
-        _plain(key): word for key, text in said.items() if (word := _plain(text)) not in table["nothing"]
-    }
-    by_key = next(
-        (key for key in table["bare_by_key"] if texts.get(key) or _plain(said.get(key)) == "yes"), ""
-    )
+    texts = {_plain(key): _plain(text) for key, text in said.items()}
+    by_key = next((key for key in table["bare_by_key"] if _is_bare(texts.get(key, ""), key)), "")
     for key in table["says_it"]:
-        if re.search(r"[^\W\d]", word := texts.get(key, "")):
-            is_crop = trade.sheet_of(word) is not None or trade.is_other(word)
-            return _known(word) or BARE * bool(by_key) or FIELD * is_crop or UNKNOWN, word
-    if by_key:
-        return BARE, by_key
+        word = texts.get(key, "")
+        if word in table["nothing"] or not re.search(r"[^\W\d]", word):
+            continue
+        role = _known(word)
+        if key in table["crops"]:
+            role = FIELD if role == FIELD or trade.sheet_of(word) is not None or trade.is_other(word) else ""
+        elif not role and key in table["of_keys"]:
+            role = BARE * any(word in words for words in table["bare_by_key"].values())
+        return role or BARE * bool(by_key) or UNKNOWN, word
+    return (BARE, by_key) if by_key else ("", "")
+
+
+def _is_bare(word: str, key: str) -> bool:
+    """Whether the value of a property says that no crop stands in a thing."""
+    table = _table()
+    return word in table["affirmed"] or word in table["bare_by_key"][key] or _known(word) in (BARE, OTHER)
+
+
+def named(said: Mapping[str, Any]) -> tuple[str, str]:
+    """Role and word of a thing by its name and its folder alone; ("", "") for other words."""
+    table = _table()
+    texts = {_plain(key): re.sub(r" ?\d+$", "", _plain(text)) for key, text in said.items()}
     for key in table["may_say_it"]:
-        word = re.sub(r" ?\d+$", "", texts.get(key, ""))
+        word = texts.get(key, "")
         found = _known(word)
         if found and (found != FIELD or key not in table["of_many"]):
             return found, word

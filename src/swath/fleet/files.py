@@ -432,7 +432,8 @@ def read_field(path: Path, header: float) -> FileField:
     if path.suffix.lower() not in (".geojson", ".json", ".kml", ".kmz") and is_taskdata(path):
         return _of_taskdata(path)
     found = read_outlines(path, or_lines=True)
-    made = FileField(found.areas, found.epsg, notes=found.notes)
+    doubts = found.doubts_of(range(len(found.areas)))
+    made = FileField(found.areas, found.epsg, notes=(*found.notes, *doubts))
     return _along(made if made.areas else _under(made, found.lines, header), found.lines, "lines")
 
 
