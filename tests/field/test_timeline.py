@@ -35,7 +35,7 @@ def thinned(c):
 
 
 def restarted(c):
-    half = len(c["time_s"]) // 2
+    half = len(c["time_s"]) // 2 + 40  # within a pass
     return {**c, "time_s": np.r_[c["time_s"][:half], c["time_s"][half:] - c["time_s"][half]]}
 
 
@@ -60,12 +60,83 @@ def test_two_witnesses_of_time_win_and_the_third_is_named(tmp_path, change, key)
 def test_equal_sources_count_once_and_others_are_refused_with_both(tmp_path):
     h = Harvest()
     for factor, key in ((1.0, "copies"), (1.5, "")):
-        path = table(tmp_path / "log.csv", {**columns(h), "swath_m": 9.0 * factor * h.one})
+        path = table(tmp_path / "log.csv", {**columns(h), "mass_flow_kg_s": factor * h.flow})
         if key:
-            assert any(note.startswith(f"{key}: header_width") for note in read_log(path).notes)
+            assert any(note.startswith(f"{key}: grain_flow") for note in read_log(path).notes)
         else:
-            with pytest.raises(InputError, match=r"sources = .*header_width: .column: .*or header_width"):
+            with pytest.raises(InputError, match=r"sources = (?s:.*)grain_flow: .column: (?s:.*)or grain_flow"):
                 read_log(path)
+
+
+def parted(name, keys):
+    """The column of a name in equal parts."""
+    return lambda c: {
+        **{k: v for k, v in c.items() if k != name},
+        **{key: c[name] / len(keys) for key in keys},
+    }
+
+
+def in_use(c):
+    last = np.arange(len(c["lat"])) >= 7 * 90
+    return {**c, "width_m": np.where(last, 4.5, 9.0), "header_width_m": 9.0 + 0.0 * last}
+
+
+@pytest.mark.parametrize(
+    ("change", "told", "width"),
+    [
+        (parted("grain_flow_kg_s", ("flow left [kg/s]", "flow right [kg/s]")), "derived: grain_flow", 9.0),
+        (parted("width_m", ("width left [m]", "width right [m]")), "derived: header_width", 9.0),
+        (parted("width_m", [f"width section {k} [m]" for k in (1, 2, 3)]), "derived: header_width", 9.0),
+        (lambda c: {"swath_m": 13.5 + 0.0 * c["lat"], **c}, "sources: header_width: width_m", 9.0),
+        (lambda c: {**c, "v_m_s": 3.0 + 0.0 * c["lat"], "speed_m_s": 2.0 + 0.0 * c["lat"]},
+         "sources: speed: speed_m_s", 9.0),
+        (lambda c: {**c, "ground_speed_m_s": 2.0 + 0.0 * c["lat"], "speed_m_s": 2.08 + 0.0 * c["lat"]},
+         "sources: speed: ground_speed_m_s", 9.0),
+        (in_use, "derived: header_width: width_m", 8.4375),
+    ],
+)  # fmt: skip
+def test_parts_add_up_and_way_and_passes_decide_between_sources(tmp_path, change, told, width):
+    made = columns(Harvest())
+    log = read_log(table(tmp_path / "log.csv", change(made)))
+    assert any(note.startswith(told) for note in log.notes)
+    assert log.flow.sum() == pytest.approx(made["grain_flow_kg_s"].sum(), rel=1e-6)
+    assert log.width.mean() == pytest.approx(width, rel=1e-6)
+    assert log.speed.mean() == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.parametrize("names", [("flow left [kg/s]",), ("yield left [t/ha]", "yield right [t/ha]")])
+def test_one_part_is_no_flow_and_parts_of_an_area_do_not_add_up(tmp_path, names):
+    made = columns(Harvest())
+    flow = made.pop("grain_flow_kg_s")
+    for k, name in enumerate(names):
+        made[name] = flow * (1.0 + 0.5 * k)
+    with pytest.raises(InputError, match=r"columns|sources"):
+        read_log(table(tmp_path / "log.csv", made))
+
+
+@pytest.mark.parametrize("per_second", [2, 5])
+@pytest.mark.parametrize("has_own_places", [False, True])
+def test_rows_of_one_stamp_behind_each_other_are_spread_within_it(tmp_path, per_second, has_own_places):
+    h = Harvest(interval=1.0 / per_second if has_own_places else 1.0)
+    made = columns(h)
+    if has_own_places:
+        made["time_s"] = np.floor(made["time_s"] + 1e-6)
+    else:
+        made = {k: np.repeat(v, per_second) for k, v in made.items()}
+        made["grain_flow_kg_s"] *= 1.0 + 0.02 * np.sin(np.arange(len(made["lat"])))
+    log = read_log(table(tmp_path / "log.csv", made))
+    assert not doubts(log.notes)
+    assert np.median(log.duration) == pytest.approx(1.0 / per_second)
+    assert (log.flow * log.duration).sum() == pytest.approx((h.flow * (h.t[1] - h.t[0])).sum(), rel=0.01)
+    assert grown(log) == pytest.approx(np.mean(h.wet), rel=0.01)
+
+
+def test_a_clock_that_begins_again_elsewhere_may_be_another_machine(tmp_path):
+    h = Harvest()
+    one, other = columns(h), columns(Harvest(lon=11.0 + 8 * 9.0 / 74400.0, seed=2))
+    log = read_log(table(tmp_path / "log.csv", {k: np.r_[one[k], other[k]] for k in one}))
+    assert len(log.machine_names) == 2
+    assert "timeline" not in doubts(log.notes)
 
 
 def test_the_more_complete_source_counts():

@@ -17,6 +17,7 @@ LEAST_CODED = 0.995  # of the times whose minutes and seconds are below 60: with
 LEAST_SHARE = 0.5  # of the rows with a time: with less the clock is not used
 FEWEST_STEPS = 20  # of a clock whose steps are longer than the records'
 LEAST_STEPS = 0.2  # different times per row: with less it holds dates only
+LEAST_AHEAD = 0.7  # of the way of the records of one time, straight from the first to the next time
 _TIME = re.compile(r"(\d{1,2})[:h](\d{2})(?:[:.](\d{2})(?:[.,](\d+))?)?\s*([ap])?\.?m?\.?", re.IGNORECASE)
 _DATE = re.compile(r"(\d{1,4})[-/. ](\d{1,2})[-/. ](\d{1,4})")
 
@@ -123,18 +124,32 @@ def over_midnight(of_day: Array) -> Array:
     return counted
 
 
-def spread(time: Array) -> tuple[Array, str]:
-    """A clock whose steps are many records long, with these spread evenly over them; and a note."""
+def spread(time: Array, position: Array) -> tuple[Array, str]:
+    """A clock whose steps are several records long, with these spread evenly over them; and a note.
+
+    position [m], shape (n, 2): where a step is few records long, these lie behind each other, or on one place
+    """
     first = np.flatnonzero(np.r_[True, np.diff(time) != 0.0])
     size = np.diff(np.r_[first, len(time)])
     step = np.diff(time[first])
     usual = float(np.median(size))
-    if not FEWEST_STEPS <= len(first) < LEAST_STEPS * len(time) or not (step > 0.0).all():
+    if len(first) < FEWEST_STEPS or usual < 2.0 or not (step > 0.0).all():
+        return time, ""
+    if len(first) >= LEAST_STEPS * len(time) and not _is_ahead(position, int(usual)):
         return time, ""
     tick, group = float(np.median(step)), np.repeat(np.arange(len(first)), size)
     behind = (np.arange(len(time)) - first[group]) / np.maximum(usual, size[group])
     note = f"clock: steps of {usual:g} records, which are spread evenly over them"
     return time + tick * behind, note
+
+
+def _is_ahead(position: Array, count: int) -> bool:
+    """Whether so many records lead straight ahead: machines or parts side by side lead to and fro."""
+    driven = np.hypot(*np.diff(position, axis=0).T)
+    way = np.convolve(driven, np.ones(count), "valid")
+    ahead = np.hypot(*(position[count:] - position[:-count]).T)
+    moved = way > 0.0
+    return bool(moved.any()) and float(np.median(ahead[moved] / way[moved])) > LEAST_AHEAD
 
 
 def usable(time: Array) -> tuple[Array | None, str]:

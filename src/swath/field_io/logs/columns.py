@@ -95,6 +95,7 @@ class Column:
     of_format: logs of its form usually have it
     is_given: the user says it
     is_shown: the data shows it
+    parts: columns that add up to it; its own name where it is one of several parts (left, section 2)
     """
 
     column: str
@@ -103,6 +104,7 @@ class Column:
     of_format: bool = False
     is_given: bool = False
     is_shown: bool = False
+    parts: tuple[str, ...] = ()
 
     @property
     def by(self) -> str:
@@ -141,7 +143,8 @@ class ColumnMap:
         beside = {
             k: {"column": c.column, "unit": c.unit, "unit_by": "a check"} for k, c in self.beside.items()
         }
-        used = {c.column for c in (*self.columns.values(), *self.beside.values())}
+        all_of = (*self.columns.values(), *self.beside.values())
+        used = {name for c in all_of for name in (c.column, *c.parts)}
         return {"columns": {**beside, **taken}, "not_used": [n for n in self.header if n not in used]}
 
 
@@ -308,7 +311,10 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
 _NAMES = {key: [set(names.split()) for names in tiers] for key, (_, tiers) in _USUAL.items()}
 SOURCED = (*FLOWS, "header_width", "moisture", "speed", "elevation", "distance", "lat", "lon")
 """Quantities that may have several sources."""
-_NUMBERED = re.compile(r"(.{3,}?)(?:sensor)?(?:\d|left|right|links|rechts)")  # name of one of several sensors
+ADDED = ("grain_flow", "header_width")  # quantities whose parts add up
+_NUMBERED = re.compile(r"(.{3,}?)(?:sensor)?\d")  # name of one of several sensors
+_SIDE = r"(?:left|right|links|rechts|gauche|droite|(?:section|sec|teilbreite)\d+)"
+_PART = re.compile(rf"^{_SIDE}|{_SIDE}$")  # of a header, in a name
 _ELEMENT = re.compile(r"_det_\d+$")  # of task data: counts where no column is of the whole machine
 _CUT = 10  # letters of a column's name in a shapefile (dBASE)
 _LEAST_OF_NAME = 5  # letters by which a name that is cut off is known
@@ -396,7 +402,11 @@ def find_columns(
     found = {k: c for k, c in found.items() if k not in FLOWS or k == flow}
     for group in (found, beside):
         stated = {k: (units or {}).get(c.column, "") for k, c in group.items() if k not in given}
-        group |= {k: Column(group[k].column, u) for k, u in stated.items() if u in UNITS[QUANTITIES[k]]}
+        group |= {
+            k: replace(group[k], unit=u, is_assumed=False)
+            for k, u in stated.items()
+            if u in UNITS[QUANTITIES[k]]
+        }
     found |= {k: _with_unit(k, c.unit, found, columns) for k, c in given.items() if not c.column}
     name = base.profile if base else "usual names"
     require(found, header, path, needs)
@@ -413,7 +423,7 @@ def _checked(of_format: Column) -> Column:
 def _with_unit(key: str, unit: str, found: Mapping[str, Column], columns: Path | None) -> Column:
     if key not in found:
         raise InputError(key, {"unit": unit}, "expected its column, too: none is recognised", file=columns)
-    return Column(found[key].column, unit, is_given=True)
+    return replace(found[key], unit=unit, is_assumed=False, is_given=True)
 
 
 def guess(header: Sequence[str], path: Path, said: Collection[str] = ()) -> ColumnMap:
@@ -431,8 +441,11 @@ def guess(header: Sequence[str], path: Path, said: Collection[str] = ()) -> Colu
         for key, names in [(k, names) for k, tiers in _NAMES.items() for names in tiers]:
             if key in found:
                 continue
-            own = [replace(c, column=name) for name, bare in pool.items()
+            own = [replace(c, column=name, parts=(name,) * bool(c.parts)) for name, bare in pool.items()
                    if name in free and (c := _named(key, names, bare, path, said))]  # fmt: skip
+            if key in ADDED:
+                whole = [c for c in own if not c.parts]
+                own = whole or own[: len(own) * (len(own) > 1)]
             if own:
                 free.remove(own[0].column)
                 found[key] = own[0]
@@ -448,10 +461,13 @@ def _named(key: str, names: Collection[str], name: str, path: Path, said: Collec
     """The column of this name where it is one of these names, with its unit."""
     bare, unit = _split_unit(name)
     numbered = _NUMBERED.fullmatch(bare) if key in SOURCED else None
-    bare = numbered[1] if numbered and bare not in names else bare
+    of_part = _PART.sub("", bare) if key in SOURCED else bare
+    is_part = bare not in names and of_part in names
+    if bare not in names:
+        bare = of_part if is_part else numbered[1] if numbered else bare
     kinds = UNITS[QUANTITIES[key]]
     if bare in names and (unit is None or unit in kinds or key in _WORDS or key in said):
-        return _column(key, name, bare, unit)
+        return replace(_column(key, name, bare, unit), parts=(name,) * is_part)
     if _letters(name) in names:
         return _column(key, name, _letters(name), None)
     is_needed = bare in names and key in (*FLOWS, "header_width", "speed")

@@ -27,6 +27,7 @@ from swath.field_io.logs.clock import (
     usable,
 )
 from swath.field_io.logs.columns import (
+    ADDED,
     CROP,
     FLOWS,
     PLACE,
@@ -50,7 +51,7 @@ from swath.field_io.logs.records import (
     time_of,
     unrounded,
 )
-from swath.field_io.logs.sources import choose
+from swath.field_io.logs.sources import SAME, choose
 from swath.field_io.logs.table import Table, read_table
 from swath.field_io.logs.timeline import counted_on, one_pace, parts_of_header
 from swath.field_io.logs.witnesses import (
@@ -85,6 +86,7 @@ SEASON = 30 * 86400.0  # s: a longer pause lies between two harvests
 COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
 SAME_OF = {"lat": 0.002, "lon": 0.002, "elevation": 25.0, "moisture": 0.25, "distance": 10.0}
 """Of what `choose` takes its share, deg, m, share, m: the yield does not go with them."""
+MOST_HELD = 20.0  # records for which a place is held: 1 Hz in a log of 20 Hz
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
 
@@ -288,7 +290,6 @@ def _settled(
         notes.append(f"copies: {int(again.sum()):,} rows are there twice, and count once")
     by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
     cutting = _cutting(raw, not_working(table, found), count)
-    logged = Logged(found.columns, raw, None, (), cutting, header_width)
     season = np.zeros(count, dtype=np.int64)
     if clock is not None:
         season = _seasons(clock * UNITS["time"][unit or found.columns["time"].unit] + day)
@@ -311,9 +312,17 @@ def _settled(
         position[order] = transform(lon_lat[order], "EPSG:4326", f"EPSG:{epsg}")
         return position, drive_of(position, lon_lat, order, machine, cutting, season)
 
+    if not as_map:
+        for one in np.unique(machine):
+            rows = order_of(places)
+            notes += _between_held(places.lon_lat, plane, rows[machine[rows] == one])
     order, known = order_of(places), driven(places)
     drive = Drive((0.0, 0.0), order[:0], order[:0], np.zeros(0)) if known is None else known[1]
     notes += _step_wise(raw, order, drive)
+    seconds = None if clock is None else clock * UNITS["time"][unit or found.columns["time"].unit] + day
+    found, more = _by_way(table, found, raw, drive, seconds)
+    notes += more
+    logged = Logged(found.columns, raw, None, (), cutting, header_width)
     columns, seconds, pace = dict(found.columns), None, None
     if not as_map:
         time, units = _way_time(columns, raw, clock, day, unit, order)
@@ -417,7 +426,9 @@ def _clock(
             numbers = over_midnight(numbers)
     days = day / UNITS["time"][unit or column.unit]
     if section is None:
-        section = parts_of_header(np.stack([machine, numbers + days], axis=1), plane)
+        wide = found.columns.get("header_width")
+        width = np.ones(len(numbers)) if wide is None else table.numbers(wide.column)
+        section = parts_of_header(np.stack([machine, numbers + days], axis=1), plane, width)
         notes += (
             [] if section is None else ["derived: rows of one time lie side by side: parts of the header"]
         )
@@ -427,7 +438,11 @@ def _clock(
     counted, more = counted_on(numbers + days, of_clock, plane)
     notes += more[:1]
     numbers = counted - days if more else numbers
-    numbers, note = spread(numbers) if section is None else (numbers, "")
+    note = ""
+    for one in np.unique(machine) if section is None else ():
+        rows = np.flatnonzero((machine == one) & np.isfinite(plane).all(axis=1))
+        numbers[rows], more_of = spread(numbers[rows], plane[rows])
+        note = more_of or note
     clock, unused = usable(numbers)
     return clock, day, unit, section, [*notes, *filter(None, (note, unused))]
 
@@ -440,11 +455,20 @@ def _plane(lon_lat: Array) -> Array:
 
 
 def _of_sources(table: Table, found: ColumnMap, path: Path) -> tuple[ColumnMap, list[str]]:
-    """The columns that count where several say one quantity, and notes."""
-    columns, notes = dict(found.columns), list[str]()
+    """The columns that count where several say one quantity, those that way and passes decide between left as
+    others, and notes. Parts add up, in a column of their own.
+    """
+    columns, notes, undecided = dict(found.columns), list[str](), dict[str, tuple[Column, ...]]()
     for key, others in found.others.items():
         if key not in SOURCED:
             continue
+        if columns[key].parts and key in ADDED:
+            columns[key], note = _added(table, key, (columns[key], *others))
+            notes.append(note)
+            continue
+        if key in FLOWS:  # bushels of which crop is not known yet
+            is_volume = columns[key].unit == "bu/ac"
+            others = tuple(c for c in others if (c.unit == "bu/ac") is is_volume)
 
         def entry(name: str, key: str = key) -> str:
             return f"{key}: {{column: {json.dumps(name)}}}"
@@ -458,7 +482,74 @@ def _of_sources(table: Table, found: ColumnMap, path: Path) -> tuple[ColumnMap, 
         choice = choose(key, values, entry, size=SAME_OF.get(key), file=path)
         columns[key] = all_of[choice.name]
         notes += choice.notes
+        undecided[key] = tuple(all_of[name] for name in choice.open)
+    return replace(found, columns=columns, others={k: c for k, c in undecided.items() if c}), notes
+
+
+def _added(table: Table, key: str, parts: tuple[Column, ...]) -> tuple[Column, str]:
+    """The column that is the sum of others, made in the table, and a note."""
+    first, sizes = parts[0], UNITS[QUANTITIES[key]]
+    units = [first.unit if c.is_assumed or first.is_given else c.unit for c in parts]
+    names = tuple(c.column for c in parts)
+    whole = " + ".join(names)
+    table.columns[whole] = sum(
+        table.numbers(name) * (sizes[unit] / sizes[first.unit])
+        for name, unit in zip(names, units, strict=True)
+    )
+    return replace(first, column=whole, parts=names), f"derived: {key}: {whole}, the parts of a header"
+
+
+def _by_way(
+    table: Table, found: ColumnMap, raw: dict[str, Array], drive: Drive, time: Array | None
+) -> tuple[ColumnMap, list[str]]:
+    """The speed nearest to way over time, the width nearest to the distance of passes, of several that differ;
+    else the first. Notes on these.
+
+    time [s]
+    """
+    columns, notes = dict(found.columns), list[str]()
+    for key, others in found.others.items():
+        speed = np.nan if time is None else drive.speed(time)
+        shown = drive.spacing if key == "header_width" else speed
+        values = {c.column: table.numbers(c.column) for c in (columns[key], *others)}
+        off = {}
+        for c in (columns[key], *others):
+            units = sum(CANDIDATES[key], ()) if c.is_assumed else (c.unit,)
+            ratio = float(np.nanmedian(values[c.column][drive.after])) / shown if len(drive.after) else np.nan
+            off[c.column] = min(abs(np.log(ratio * UNITS[QUANTITIES[key]][unit])) for unit in units)
+        first, best = columns[key], min((columns[key], *others), key=lambda c: off[c.column])
+        is_shown = max(off.values()) - off[best.column] > SAME / 2.0
+        columns[key] = best if is_shown else first
+        raw[key] = values[columns[key].column]
+        differ = ", ".join(c.column for c in (first, *others) if c is not columns[key])
+        by = "passes" if key == "header_width" else "the way over its time"
+        why = f"nearest to {by}" if is_shown else "named first"
+        notes.append(f"sources: {key}: {columns[key].column} counts, {why}; {differ} differs")
     return replace(found, columns=columns), notes
+
+
+def _between_held(lon_lat: Array, plane: Array, rows: NDArray[np.int64]) -> list[str]:
+    """Places that are held for several records are moved on along the way, in place; and a note.
+
+    plane [m]; rows: in driven order
+    """
+    first = np.flatnonzero(np.r_[True, (np.diff(plane[rows], axis=0) != 0.0).any(axis=1)])
+    size = np.diff(np.r_[first, len(rows)])
+    usual = float(np.median(size)) if len(size) else 0.0
+    if len(first) < FEWEST_RECORDS or not 2.0 <= usual <= MOST_HELD:
+        return []
+    step = np.diff(plane[rows[first]], axis=0)
+    way = np.hypot(*step.T)
+    is_driven = way <= AT.longest * float(np.median(way))
+    after, before = np.r_[is_driven, False], np.r_[False, is_driven]
+    move = np.diff(lon_lat[rows[first]], axis=0)
+    ahead = np.where(
+        after[:, None], np.r_[move, move[-1:]], np.where(before[:, None], np.r_[move[:1], move], 0.0)
+    )
+    group = np.repeat(np.arange(len(first)), size)
+    behind = (np.arange(len(rows)) - first[group]) / np.maximum(usual, size[group])
+    lon_lat[rows] += ahead[group] * behind[:, None]
+    return [f"derived: places held for {usual:g} records, moved on along the way between them"]
 
 
 def _in_si(table: Table, key: str, column: Column) -> Array:

@@ -14,10 +14,10 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 MOST_RESTARTS = 20  # of a clock; with more its order says nothing
 FEWEST_ROWS = 25  # from one to the next
-NEAR = 20.0  # usual steps from the last place before to the first one after: the machine goes on
-SAME_BEGIN = 10.0  # usual steps between two begins of a clock that counts from its start
+NEAR = 3.0  # usual steps from the last place before to the first one after: the machine goes on
 MOST_PARTS = 40  # of a header
 LEAST_PARTS = 0.9  # of the rows of a log of parts, in groups of as many
+UNEVEN = 1.5  # largest over smallest distance between parts, in their widths
 STEADY = 0.3  # m by which a part keeps its place beside the others, in the middle
 LEAST_AHEAD = 0.25  # of the usual step: so far ahead of each other lie records that share a coarse stamp
 
@@ -25,8 +25,8 @@ LEAST_AHEAD = 0.25  # of the usual step: so far ahead of each other lie records 
 def counted_on(clock: Array, machine: Indices, position: Array) -> tuple[Array, list[str]]:
     """A clock in the order of the rows, counted on where it begins again, and a note.
 
-    It begins again where it goes back to a time that it had, and the machine goes on from its place, or the
-    clock from where it began at first. position [m], shape (n, 2), nan of rows that do not count
+    It begins again where it goes back to a time that it had, and the machine goes on from its place: from
+    elsewhere it may be another machine. position [m], shape (n, 2), nan of rows that do not count
     """
     made, notes = clock.copy(), []
     for one in np.unique(machine):
@@ -41,9 +41,7 @@ def counted_on(clock: Array, machine: Indices, position: Array) -> tuple[Array, 
         driven = float(np.median(way[step > 0.0])) if usual else 0.0
         spans = sorted((float(clock[part].min()), float(clock[part].max())) for part in parts)
         overlaps = any(later[0] < earlier[1] for earlier, later in pairwise(spans))
-        goes_on = way[back] <= NEAR * driven
-        again = np.abs(clock[[part[0] for part in parts[1:]]] - clock[rows[0]]) <= SAME_BEGIN * usual
-        if overlaps and (goes_on | again).all():
+        if overlaps and (way[back] <= NEAR * driven).all():
             for before, after in pairwise(parts):
                 made[after] += made[before[-1]] + usual - clock[after[0]]
             notes.append(
@@ -53,12 +51,12 @@ def counted_on(clock: Array, machine: Indices, position: Array) -> tuple[Array, 
     return made, notes
 
 
-def parts_of_header(moment: Array, position: Array) -> NDArray[np.str_] | None:
+def parts_of_header(moment: Array, position: Array, width: Array) -> NDArray[np.str_] | None:
     """Which part of the header each row is of where all parts have a row of one time, else None.
 
-    moment: machine and time, shape (n, 2); position [m], shape (n, 2)
-    Parts lie beside each other, or on one place; rows of a coarse clock lie behind each other, and machines
-    keep no place beside each other.
+    moment: machine and time, shape (n, 2); position [m], shape (n, 2); width of each in any unit, shape (n,)
+    Parts lie beside each other, as far apart as they are wide; rows of a coarse clock lie behind each other,
+    or on one place, and machines keep no place beside each other.
     """
     _, group, size = np.unique(moment, axis=0, return_inverse=True, return_counts=True)
     group = group.ravel()
@@ -79,10 +77,15 @@ def parts_of_header(moment: Array, position: Array) -> NDArray[np.str_] | None:
     off = (position[of_group] - middle[:, None])[:-1][driven]
     ahead = (off * forward[:, None]).sum(axis=2)
     across = off[:, :, 1] * forward[:, None, 0] - off[:, :, 0] * forward[:, None, 1]
-    beside = np.ptp(np.median(across, axis=0))
+    place = np.median(across, axis=0)
+    row = np.argsort(place)
+    wide = np.nanmedian(width[of_group], axis=0)[row]
+    apart = np.diff(place[row]) / (0.5 * (wide[1:] + wide[:-1]))
+    uneven = float(apart.max() / apart.min()) if apart.min() > 0.0 else np.inf
+    is_beside = np.ptp(place) <= AT.farthest_pass and np.diff(place[row]).min() > STEADY
     wander = max(float(np.median(np.abs(v - np.median(v, axis=0)))) for v in (ahead, across))
     is_behind = np.ptp(np.median(ahead, axis=0)) > LEAST_AHEAD * float(np.median(step[driven]))
-    if wander > STEADY or beside > AT.farthest_pass or is_behind:
+    if wander > STEADY or not is_beside or not uneven <= UNEVEN or is_behind:
         return None
     made = np.full(len(moment), "", dtype="U4")
     made[of_group] = np.arange(count).astype(str)
