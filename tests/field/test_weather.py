@@ -137,7 +137,7 @@ def test_a_night_is_given_in_hours_beyond_24(tmp_path, begin, after_h):
     end = round((2.0 + after_h) * HOUR)
     assert weather.at(end + HOUR).temperature == pytest.approx(273.15 + 14.0)
     assert (weather.beyond(end), len(weather.beyond(end + HOUR))) == ([], 1)
-    assert weather.notes == [f"clock: hours of {file} are taken in the zone of time, UTC+0200"]
+    assert weather.notes == [f"clock: hours of {file.name} are taken in the zone of time, UTC+0200"]
 
 
 def test_wind_blows_where_its_azimuth_points():

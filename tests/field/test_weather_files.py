@@ -139,7 +139,7 @@ def table(folder, start=TIME, origin=None, **more):
 
 
 CLOUDY = np.array([0, 1, 3, 5, 7, 8, 8, 7, 6, 4, 5, 6, 7, 7, 5, 8, 8, 8, 7, 5, 4, 3, 2, 1, 0])
-FOG = np.where(HOURS == 13, 300.0, 9000.0)
+FOG = np.where(HOURS == 13, 150.0, 9000.0)
 TOLD = {
     "oktas": ({"cloud_percent": CLOUDY}, "plausible: cloud_percent never leaves 0 to 8, as oktas do"),
     "tenths": (
@@ -147,7 +147,7 @@ TOLD = {
         "plausible: cloud_percent never leaves 0 to 10",
     ),
     "share": ({"cloud_percent": CLOUDY / 8}, "plausible: cloud_percent never leaves 0 to 1, as shares"),
-    "fog": ({"fog_mor_m": FOG}, "plausible: a range of sight of 300 m in air of 43 % humidity at 13 h"),
+    "fog": ({"fog_mor_m": FOG}, "plausible: a range of sight of 150 m in air of 43 % humidity at 13 h"),
     "rain": (
         {"rain_mm_h": np.full(25, 0.5), "cloud_percent": 0 * HOURS},
         "plausible: rain of 12.5 mm from a sky",
@@ -160,6 +160,18 @@ TOLD = {
     "rad": ({"wind_azimuth_deg": 3 + np.sin(HOURS)}, "plausible: wind_azimuth_deg never leaves 0 to 6.28"),
     "degF": ({"temperature_c": 41 + 9.0 * np.sin(HOURS)}, "moister than any air; are they K or degF"),
     "gap": ({"hour": HOURS + 4 * (HOURS > 9)}, "lost: rows from 9 to 14 h are missing"),
+    "fog in a storm": (
+        {"fog_mor_m": FOG / 5, "wind_m_s": np.full(25, 10.0)},
+        "plausible: a range of sight of 30 m",
+    ),
+    "total of a wet day": (
+        {"rain_mm_h": np.cumsum(HOURS % 5 / 10), "humidity_percent": np.full(25, 95.0)},
+        "plausible: rain_mm_h never falls",
+    ),
+    "spike in calm air": (
+        {"temperature_c": np.where(HOURS == 9, 11.0, 20.0), "wind_m_s": 2 + HOURS % 2},
+        "plausible: temperature_c leaps to 11.0 at 9 h",
+    ),
     "turned": (
         {"temperature_c": 18 - 8 * np.sin((HOURS - 9) / 12 * np.pi)},
         "timeline: the day is warmest at 3 h",
@@ -175,6 +187,44 @@ TOLD = {
 def test_a_column_in_another_unit_is_told(tmp_path, case):
     columns, said = TOLD[case]
     assert said in "\n".join(table(tmp_path, **columns))
+
+
+DRY = {"humidity_percent": np.full(25, 20.0)}
+RARE = {
+    "smoke": {"fog_mor_m": np.full(25, 800.0), "humidity_percent": np.full(25, 35.0)},
+    "haze": {"fog_mor_m": np.full(25, 4000.0), **DRY},
+    "dust storm": {"fog_mor_m": np.where(HOURS > 14, 60.0, 2e4), "wind_m_s": np.full(25, 14.0), **DRY},
+    "dust that floats on": {
+        "fog_mor_m": np.where(HOURS > 14, 90.0, 2e4),
+        "wind_m_s": 8.0 * (HOURS < 16),
+        **DRY,
+    },
+    "gust front": {"temperature_c": np.where(HOURS == 16, 13.0, 22.0)},
+    "gust front with wind": {
+        "temperature_c": np.where(HOURS == 16, 12.0, 22.0),
+        "wind_m_s": np.where(HOURS == 16, 11.0, 2.0),
+    },
+    "gust front with rain": {
+        "temperature_c": np.where(HOURS == 16, 12.0, 22.0),
+        "humidity_percent": np.full(25, 70.0),
+        "rain_mm_h": np.where(HOURS == 16, 8.0, 0.0),
+    },
+    "rain that grows": {"rain_mm_h": HOURS / 4.0, "humidity_percent": np.full(25, 90.0)},
+    "rain from noon": {"rain_mm_h": np.maximum(HOURS - 12, 0) * 0.5, "humidity_percent": np.full(25, 95.0)},
+    "wind of a warm day": {
+        "wind_m_s": np.full(25, 11.0),
+        "temperature_c": 28 + 5 * np.sin((HOURS - 9) * 0.26),
+    },
+    "steady azimuth": {"wind_azimuth_deg": 3.5 + 0.1 * (HOURS % 3)},
+    "clear, 0 and 1 %": {"cloud_percent": HOURS % 2},
+    "clear, 0 to 4 %": {"cloud_percent": HOURS % 5},
+    "clear, less than 1 %": {"cloud_percent": 0.1 * (HOURS % 7)},
+}
+
+
+@pytest.mark.parametrize("case", RARE)
+def test_rare_weather_is_no_doubt(tmp_path, case):
+    assert table(tmp_path, **RARE[case]) == []
 
 
 def test_a_usual_day_and_a_clear_one_are_not_doubted(tmp_path):

@@ -53,10 +53,36 @@ def test_the_best_fix_counts_in_every_order_and_the_other_is_named(order, place)
     assert listener.unknown["sources: positions of GP, those of GN count"] >= 18
 
 
-def test_a_receiver_that_changes_its_talker_goes_on_after_it_was_silent():
-    told, listener = heard([gga(t, GN if t < 10 else GP) for t in range(20)])
+@pytest.mark.parametrize("quality", ["4", "45", "12", "44404"])
+@pytest.mark.parametrize("talkers", ["GN" * 10 + "GP" * 10, "GPGN", "GPGNGN", "GPGNGLGN"])
+def test_a_receiver_that_changes_its_talker_says_each_epoch(talkers, quality):
+    names = [talkers[k : k + 2] for k in range(0, len(talkers), 2)]
+    bodies = []
+    for t in range(40):
+        name, place = names[t % len(names)], f"5206.{t:04d}"
+        bodies += [gga(t, name, place, int(quality[t % len(quality)])), rmc(t, name, t / 10.0), vtg(name)]
+    told, listener = heard(bodies)
+    assert [e.seconds - 36_000 for e in told] == [*range(40)]
+    assert [round((math.degrees(e.latitude) - 52.1) * 60e4) for e in told] == [*range(40)]
+    assert not listener.unknown
+
+
+def test_a_receiver_that_changes_its_talker_beside_another_one():
+    told, listener = heard([s for t in range(20) for s in (gga(t, "GB", OTHER, 4), gga(t, (GN, GP)[t % 2]))])
+    assert len({e.latitude for e in told}) == 1
+    assert listener.unknown["sources: positions of GB, those of GN count"] >= 18
+
+
+def test_one_position_that_two_talkers_say_is_of_one_source():
+    told, listener = heard([s for t in range(20) for s in (gga(t, GP), gga(t))])
+    assert len(told) == 20
+    assert not listener.unknown
+
+
+def test_another_source_that_is_left_alone_counts_after_it_was_silent():
+    told, listener = heard([s for t in range(20) for s in (gga(t), gga(t, GP, OTHER))[t // 10 :]])
     assert [e.seconds - 36_000 for e in told] == [t for t in range(20) if not 10 <= t <= 11]
-    assert set(listener.unknown) <= {"sources: positions of GP, those of GN count"}
+    assert set(listener.unknown) == {"sources: positions of GP, those of GN count"}
 
 
 @pytest.mark.parametrize("first", [0.0, 0.5])

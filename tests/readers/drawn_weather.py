@@ -164,19 +164,29 @@ def _swapped(one: str, other: str) -> Callable[[Draw, Columns, Day], None]:
 
 
 def _covered(day: Day) -> bool:
-    return float(np.percentile(day.true["cloud_percent"], 70)) >= 55.0
+    cloud = day.true["cloud_percent"]
+    return float(np.percentile(cloud, 70)) >= 55.0 and cloud.max() > 75.0
 
 
 def _fast(factor: float) -> Callable[[Day], bool]:
     def shows(day: Day) -> bool:
         wind, t = day.true["wind_m_s"] * factor, day.true["temperature_c"]
-        return wind.max() > 30.5 or float(np.median(wind)) * max(np.ptp(t), 5.0) > 130.0
+        is_arid = float(np.median(day.true["humidity_percent"])) < 35.0
+        return wind.max() > 30.5 or (not is_arid and float(np.median(wind)) * max(np.ptp(t), 5.0) > 200.0)
 
     return shows
 
 
 def _waves(day: Day) -> bool:
     return day.kind in ("clear", "hot", "desert", "fair") and np.ptp(day.true["temperature_c"]) > 10.0
+
+
+def _pauses(day: Day) -> bool:
+    """Whether rain falls long before the end, and then for several hours none."""
+    fell = np.flatnonzero(day.true["rain_mm_h"] > 0.15)
+    if not len(fell) or day.hour[fell[0]] >= day.hour[-1] - 8:
+        return False
+    return float(np.gradient(day.hour)[fell[0] :][day.true["rain_mm_h"][fell[0] :] == 0.0].sum()) >= 4.0
 
 
 def _sentinel(r: Draw, c: Columns, day: Day) -> None:
@@ -244,13 +254,14 @@ OWN = {
     "rad": Fault(
         ("plausible",),
         change=_scaled("wind_azimuth_deg", np.pi / 180, digits=3),
-        shows=lambda d: float(np.percentile(d.true["wind_azimuth_deg"], 75)) > 140.0,
+        shows=lambda d: (
+            float(np.percentile(d.true["wind_azimuth_deg"], 75)) > 140.0
+            and float(np.ptp(d.true["wind_azimuth_deg"])) > 35.0
+        ),
     ),
-    "rain total": Fault(
-        ("plausible",), lambda d: bool((d.true["rain_mm_h"][d.hour < d.hour[-1] - 8] > 0.15).any()), _total
-    ),
+    "rain total": Fault(("plausible",), _pauses, _total),
     "sentinel": Fault(("plausible",), change=_sentinel),
-    "zero": Fault(("plausible",), lambda d: float(np.abs(d.true["temperature_c"]).min()) > 10.0, _zero),
+    "zero": Fault(("plausible",), lambda d: float(np.abs(d.true["temperature_c"]).min()) > 12.5, _zero),
     "swapped T RH": Fault(
         ("plausible", "timeline"),
         lambda d: d.true["humidity_percent"].max() > 61.0 or _waves(d),

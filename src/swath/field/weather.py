@@ -82,6 +82,10 @@ class Weather:
 
 
 SUN_KEYS = "sun_azimuth_deg", "sun_elevation_deg"
+MAY_BE_STATED = {
+    "air_c": "temperature_c", "falls": "rain_mm_h", "blows": "wind_m_s", "damp": "humidity_percent",
+}  # fmt: skip
+"""Measure of witnesses -> key: of the table, else of the scenario."""
 COLUMNS = tuple(n for n in Weather.__dataclass_fields__ if n not in ("time", "file"))
 
 
@@ -330,8 +334,7 @@ def _measures(
     """What witnesses of a table ask beside its columns."""
     hours, offset = rows["hour"], start.utcoffset() or timedelta()
     found: dict[str, Any] = {
-        name: rows.get(key, np.full(len(hours), getattr(params, key)))
-        for name, key in (("air_c", "temperature_c"), ("falls", "rain_mm_h"))
+        name: rows.get(key, np.full(len(hours), getattr(params, key))) for name, key in MAY_BE_STATED.items()
     }
     if origin is None:
         return found | {"zone": hours}

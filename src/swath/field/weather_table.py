@@ -130,7 +130,7 @@ def read_table(path: Path, start: datetime, keys: Sequence[str]) -> Table:
                 expected = "unknown column; wind_azimuth_deg is where the wind blows to: from + 180"
             raise InputError(name, None, expected, file=path, line=1)
     rows = read_numbers(path, ["hour"], keys)
-    note = f"clock: hours of {path} are taken in the zone of time, {start:UTC%z}"
+    note = f"clock: hours of {path.name} are taken in the zone of time, {start:UTC%z}"
     return Table(rows, range(2, 2 + len(rows["hour"])), (note,))
 
 

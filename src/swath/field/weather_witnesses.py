@@ -3,7 +3,9 @@
 Each row of `WITNESSES` asks columns of a table, in the units of `field.weather`. Bounds are those of weather
 that was ever seen (WMO archive of extremes), that a law excludes, or that hardly one of some 2500 days of
 seven EPW files passes (Amsterdam, Mannheim, Chicago, Tokyo, Long Beach, Los Angeles, Piedmont). What they
-cannot say: oktas of a sky that is hardly covered, km/h of a light wind and degF of frost look like weather.
+cannot say looks like weather: oktas or tenths of a sky that is never covered by three quarters, shares of it
+that are all 0 or 1, km/h of a light wind or in dry air, degF of frost, rad of a wind that keeps its
+direction within 0.5 rad, sight in km of smoke or dust, a running total without a dry hour.
 """
 
 from collections.abc import Callable
@@ -25,16 +27,24 @@ SATURATED, ICE = 85.0, 0.01  # % in fog, instruments included; what ice lowers i
 DRY, CLEAR = 25.0, 10.0  # %: air and sky from which no rain falls
 RAINS = 0.5  # mm of rain
 HELD = 6.0  # h from its first rain to its end that a column never falls
+PAUSE, UNEVEN = 3.0, 0.25  # h at one amount; spread of its steps over their mean: equal ones are a ramp
+SMOKE, STORM = 200.0, 50.0  # m of sight: down to it in dry smoke, and in a storm of dust, snow or spray
+RAISES = 6.0  # m/s at 2 m: wind that raises dust, which floats on when it falls
+GUST, FRONT, OUTFLOW = 3.0, 8.0, 12.0  # m/s more; K that air leaps and back, and falls under a thunderstorm
 WAVE, SHARE = 3.0, 0.6  # K, and of the variance: a wave of the day that is to be trusted
 OFF_SUN, OFF_CLOCK = 5.0, 7.0  # h: 4.7 on none of 1473 such days; zones lie up to 2.5 h off the sun
-MIXED = 100.0  # K m/s: on none of 2541 days, on 12 % of them in km/h; 70 on 3
+MIXED = 150.0  # K m/s: half as much again as on any of 2541 days
+ARID = 30.0  # %: air so dry cools and warms by more under any wind
 
 
-def within(top: float, is_whole: bool | None = None, above: float = 0.0) -> Callable[[Array], Found]:
+def within(
+    top: float, is_whole: bool | None = None, above: float = 0.0, spread: float = 0.0
+) -> Callable[[Array], Found]:
     """Whether a column stays within 0 to top: its upper quartile over top.
 
     A quarter of the day it is three eighths of top or more, or it may as well be a small number of the right
-    unit: a clear day. is_whole: the numbers are whole, or are not.
+    unit: a clear day. is_whole: the numbers are whole, or are not; above: least of its highest; spread: least
+    between lowest and highest.
     """
 
     def find(column: Array) -> Found:
@@ -43,6 +53,7 @@ def within(top: float, is_whole: bool | None = None, above: float = 0.0) -> Call
             len(column) < FEWEST
             or column.min() < 0.0
             or not above <= column.max() <= top
+            or np.ptp(column) < spread
             or is_whole is (not whole)
         ):
             return SILENT
@@ -68,15 +79,17 @@ def _at_most(residual: Array, *facts: Array) -> Found:
     return float(residual[n]), *(float(fact[n]) for fact in facts)
 
 
-def _fog_is_wet(fog: Array, humidity: Array, hour: Array, air: Array, rain: Array) -> Found:
+def _fog_is_wet(fog: Array, humidity: Array, hour: Array, air: Array, rain: Array, wind: Array) -> Found:
+    """What the air of a fog lacks of saturation, where it may be neither smoke nor, after wind, dust."""
     cold = np.maximum(-air, 0.0)
-    lack = np.where((fog < 1000.0) & (rain < RAINS), SATURATED * (1.0 - ICE * cold) - humidity, -np.inf)
+    least = np.where(np.maximum.accumulate(wind) < RAISES, SMOKE, STORM)
+    lack = np.where((fog < least) & (rain < RAINS), SATURATED * (1.0 - ICE * cold) - humidity, -np.inf)
     return _at_most(lack, fog, humidity, hour)
 
 
-def _in_fog(least: float) -> Callable[[Array, Array, Array], Found]:
-    """How far something exceeds what stands in dense fog."""
-    return lambda fog, other, hour: _at_most(np.where(fog < 100.0, other - least, -np.inf), fog, other, hour)
+def _in_fog(sight: float, least: float) -> Callable[[Array, Array, Array], Found]:
+    """How far something exceeds what stands in a fog of less sight."""
+    return lambda fog, other, hour: _at_most(np.where(fog < sight, other - least, -np.inf), fog, other, hour)
 
 
 def _fog_all_day(fog: Array, hour: Array) -> Found:
@@ -97,10 +110,14 @@ def _rain_from(limit: float) -> Callable[[Array, Array, Array], Found]:
 
 
 def _never_falls(rain: Array, hour: Array) -> Found:
+    """Hours that a column holds or grows, where it stops for a while, or goes on all day by uneven steps."""
     step = np.diff(rain)
     if len(rain) < 2 * FEWEST or (step < 0.0).any() or not (step > 0.0).any():
         return SILENT
-    return float(hour[-1] - hour[rain > 0.0][0]), float(rain[-1])
+    lasts, grows = float(hour[-1] - hour[rain > 0.0][0]), step[step > 0.0]
+    pause = float(np.diff(hour)[(step == 0.0) & (rain[1:] > 0.0)].sum())
+    is_uneven = float(grows.std()) > UNEVEN * float(grows.mean())
+    return (lasts, float(rain[-1])) if pause >= PAUSE or (is_uneven and lasts >= WHOLE_DAY) else SILENT
 
 
 def _in_a_day(rain: Array, hour: Array) -> Found:
@@ -108,11 +125,18 @@ def _in_a_day(rain: Array, hour: Array) -> Found:
     return fell, fell
 
 
-def _spike(column: Array, hour: Array) -> Found:
+def _spike(column: Array, hour: Array, wind: Array, rain: Array) -> Found:
+    """How far a row lies off both beside it; less where it may be the cold air of a thunderstorm.
+
+    That comes with more wind or rain; a table in which neither changes says nothing of it.
+    """
     if len(column) < 3:
         return SILENT
     before, after = column[1:-1] - column[:-2], column[1:-1] - column[2:]
     same = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    is_calm = (np.diff(wind)[:-1] < GUST) & (np.diff(rain)[:-1] < RAINS)
+    is_known = np.ptp(wind) > 0.0 or np.ptp(rain) > 0.0
+    same = np.where((before > 0.0) | (is_calm & is_known), same, same - (OUTFLOW - FRONT))
     return _at_most(np.where(hour[2:] - hour[:-2] <= 3.0, same, 0.0), column[1:-1], hour[1:-1])
 
 
@@ -158,9 +182,9 @@ def _moist_when_warm(temperature: Array, humidity: Array, hour: Array) -> Found:
     return 6.0 - apart, apart
 
 
-def _wind_cools_not(wind: Array, temperature: Array, hour: Array) -> Found:
+def _wind_cools_not(wind: Array, temperature: Array, hour: Array, humidity: Array) -> Found:
     """Wind of the day times its wave of temperature [K m/s]: wind mixes the air, a storm has a small one."""
-    if not _is_whole_day(hour):
+    if not _is_whole_day(hour) or float(np.median(humidity)) < ARID:
         return SILENT
     usual, swing = float(np.median(wind)), 2.0 * daily(temperature, hour)[0]
     return usual * max(swing, 5.0), usual, swing
@@ -185,18 +209,18 @@ def _sky_is_covered(top: float, name: str, factor: str, *how: Any) -> Witness:
 CELSIUS = "are they K or degF?"
 SIGHT = "is fog_mor_m a range in km? x 1000"
 WITNESSES = (
-    _sky_is_covered(1.0, "shares", "100"),
-    _sky_is_covered(8.0, "oktas", "12.5", True, 2.0),
+    _sky_is_covered(1.0, "shares", "100", False, 0.75),
+    _sky_is_covered(8.0, "oktas", "12.5", True, 6.0),
     _sky_is_covered(10.0, "tenths", "10", True, 9.0),
     Witness(("humidity_percent",), within(1.0), "humidity_percent never leaves 0 to {:g}", "a share? x 100",
             refused=0.0),
-    Witness(("wind_azimuth_deg",), within(2.0 * pi, False), "wind_azimuth_deg never leaves 0 to {:.2f}",
-            "is it in rad?", 0.1),
-    Witness(("fog_mor_m", "humidity_percent", "hour", "air_c", "falls"), _fog_is_wet,
+    Witness(("wind_azimuth_deg",), within(2.0 * pi, False, spread=0.5),
+            "wind_azimuth_deg never leaves 0 to {:.2f}", "is it in rad?", 0.1),
+    Witness(("fog_mor_m", "humidity_percent", "hour", "air_c", "falls", "blows"), _fog_is_wet,
             "a range of sight of {:.0f} m in air of {:.0f} % humidity at {:g} h", SIGHT),
-    Witness(("fog_mor_m", "wind_m_s", "hour"), _in_fog(9.0),
+    Witness(("fog_mor_m", "wind_m_s", "hour"), _in_fog(STORM, 9.0),
             "a range of sight of {:.0f} m in wind of {:.0f} m/s at {:g} h", SIGHT),
-    Witness(("fog_mor_m", "rain_mm_h", "hour"), _in_fog(0.9),
+    Witness(("fog_mor_m", "rain_mm_h", "hour"), _in_fog(100.0, 0.9),
             "a range of sight of {:.0f} m in rain of {:.1f} mm/h at {:g} h", SIGHT),
     Witness(("fog_mor_m", "hour"), _fog_all_day, "a range of sight that never leaves 0 to {:.0f} m", SIGHT),
     Witness(("rain_mm_h", "humidity_percent", "hour"), _rain_from(DRY),
@@ -211,8 +235,8 @@ WITNESSES = (
             50.0),
     Witness(("temperature_c",), lambda t: (float(np.ptp(t)), np.ptp(t)),
             "temperature_c goes through {:.0f} K", "is its unit the same in all rows?", 40.0),
-    Witness(("temperature_c", "hour"), _spike, "temperature_c leaps to {:.1f} at {:g} h and back",
-            "does a number stand for none?", 8.0),
+    Witness(("temperature_c", "hour", "blows", "falls"), _spike,
+            "temperature_c leaps to {:.1f} at {:g} h and back", "does a number stand for none?", FRONT),
     Witness(("dew_point_c", "temperature_c", "hour"),
             lambda dew, t, hour: _at_most(dew - t, dew, t, hour),
             "a dew point of {:.1f} over {:.1f} deg C of the air, at {:g} h", "are they swapped?", 1.0, 5.0),
@@ -225,7 +249,7 @@ WITNESSES = (
             "a dew point of {:.1f} deg C against {:.0f} % humidity at {:g} h", "is one wrong?", 15.0),
     Witness(("temperature_c", "humidity_percent", "hour"), _moist_when_warm,
             "temperature and humidity rise together, {:.1f} h apart", "is one of them shifted?"),
-    Witness(("wind_m_s", "temperature_c", "hour"), _wind_cools_not,
+    Witness(("wind_m_s", "temperature_c", "hour", "damp"), _wind_cools_not,
             "wind of {:.0f} m/s all day, and a night that cools by {:.0f} K", "is it in km/h or kn?", MIXED),
     *(Witness(("temperature_c", hours), _warm_at_night, f"the day is warmest at {{:.0f}} h, by the {hours}",
               "are its hours those of the zone of time?", off, key="timeline")
@@ -237,6 +261,6 @@ WITNESSES = (
             key="timeline"),
 )  # fmt: skip
 """`sun`, else `zone`: hours by the sun where the place is known, else those of the zone
-`air_c`, `falls`: temperature and rain, those of the scenario where the table has none
+`air_c`, `falls`, `blows`, `damp`: temperature, rain, wind, humidity; of the scenario where the table has none
 `sun_off_deg`: between the sun of the table and that of time and place
 """

@@ -30,7 +30,10 @@ RMC_MODE = "NADFR"
 LONGEST = 4096  # bytes without an end of line
 MOST_WORDS = 15  # of a sentence that is read
 DAY_S = 86_400.0
-SILENT_S = 2.0  # without a position of the talker that counts, after which another's counts
+SILENT_S = 2.0  # without a position of the source that counts, after which another's counts
+APART_M = 0.2  # between two positions of one time, more than the last of four digits of a minute
+EARTH_M = 6_371_000.0  # mean radius
+CARRIER = 3  # quality of a Fix from which on it is one of carrier phase
 
 Fields = dict[str, Any]  # fields of an Epoch
 
@@ -204,9 +207,11 @@ class Epoch:
 class Listener:
     """Epochs out of a stream of sentences, however it is cut.
 
-    An epoch is complete when it has all kinds of sentences of all talkers that the two before it had, or one
-    of another time of day begins. Where several talkers say positions, the one with the best fix of the first
-    epoch counts until it is silent; what only another says is taken from it.
+    An epoch is complete when it has each kind of sentence from as many talkers as the two before it had, or
+    one of another time of day begins. Receivers change their talker with the satellites that they use: who
+    speaks alone of its time is the same source. Talkers whose positions of one time lie apart are several:
+    the one with the best fix of the first epoch counts until it is silent. So is one that takes turns with
+    it, of another phase (code, carrier). What only another says is taken from it.
 
     A sentence counts whole or not at all. Checksums are left away by all lines of a stream or by none.
 
@@ -221,8 +226,11 @@ class Listener:
     _seconds: float = math.nan  # of the newest epoch
     _said: dict[str, dict[str, Fields]] = field(default_factory=dict)  # in it: talker -> kind -> fields
     _talker: str = ""  # whose positions count
-    _heard: float = math.nan  # second of the day at which it last said one
-    _kinds: tuple[set[str], ...] = field(default_factory=lambda: (set(), set(), set()))  # newest epoch first
+    _others: set[str] = field(default_factory=set)  # talkers of other sources
+    _heard: float = math.nan  # second of the day of the last position that counted
+    _quality: int = 0  # of it
+    _kinds: tuple[Counter[str], ...] = field(default_factory=lambda: (Counter(), Counter(), Counter()))
+    """Of the newest epoch first: kinds, from how many talkers."""
     _done: list[Epoch] = field(default_factory=list)
     _are_checked: bool | None = None  # None: of a stream that has not shown it yet
 
@@ -237,7 +245,7 @@ class Listener:
     @property
     def epoch(self) -> Epoch | None:
         """The newest, still None before the first."""
-        return self._epoch(self._talker or self._best()) if self._said else None
+        return self._epoch(self._source() or self._talker) if self._said else None
 
     def _take(self, line: bytes) -> None:
         try:
@@ -260,10 +268,14 @@ class Listener:
             return
         if seconds != self._seconds:
             self._tell()
-            self._kinds = (set(), *self._kinds[:2])
+            self._kinds = (Counter(), *self._kinds[:2])
             self._seconds, self._said, self._is_told = seconds, {}, False
-        self._said.setdefault(talker, {})[kind] = fields
-        self._kinds[0].add(name)
+        said = self._said.setdefault(talker, {})
+        is_new = kind not in said
+        said[kind] = fields
+        self._kinds[0][kind] += is_new
+        if is_new and self._is_told and kind in PLACES:
+            self._find_others((talker,) if talker != self._talker else tuple(self._said))
         usual = self._kinds[1] | self._kinds[2]
         if usual and usual <= self._kinds[0]:
             self._tell()
@@ -273,29 +285,68 @@ class Listener:
         if self._is_told or not self._said:
             return
         self._is_told = True
-        placed = [talker for talker, said in self._said.items() if not PLACES.isdisjoint(said)]
-        if placed and self._talker not in placed:
-            if self._talker and (self._seconds - self._heard) % DAY_S <= SILENT_S:
-                self._note_others(placed)
-                return  # another's position between two of its own
-            self._talker = self._best()
-        if self._talker in placed:
-            self._heard = self._seconds
-        self._note_others(placed)
-        epoch = self._epoch(self._talker)
+        placed = self._placed()
+        source = self._source()
+        is_silent = (self._seconds - self._heard) % DAY_S > SILENT_S
+        if placed and self._talker not in placed and (not self._talker or is_silent):
+            if source in self._others:
+                self._others = self._others - {source} | {self._talker}
+            self._talker = source or ""
+        self._find_others(placed)
+        for other in placed:
+            if other != source and (other in self._others or source is None):
+                self.unknown[f"sources: positions of {other}, those of {self._talker} count"] += 1
+        if source is None:
+            return  # another's position between two of the source that counts
+        epoch = self._epoch(source)
+        if source in placed:
+            self._heard, self._quality = self._seconds, epoch.quality
         if placed and epoch.quality and math.isnan(epoch.height):
             self.unknown["heights: positions without a height above the ellipsoid"] += 1
         self._done.append(epoch)
 
-    def _note_others(self, placed: Sequence[str]) -> None:
-        for other in placed:
-            if self._talker and other != self._talker:
-                self.unknown[f"sources: positions of {other}, those of {self._talker} count"] += 1
+    def _placed(self) -> list[str]:
+        """Who says a position in the newest epoch, or that there is none."""
+        return [talker for talker, said in self._said.items() if not PLACES.isdisjoint(said)]
 
-    def _best(self) -> str:
-        """The talker with the best fix of the newest epoch, '' without any."""
-        fixes = {t: self._epoch(t).quality for t in self._said}
-        return max((t for t in fixes if fixes[t]), key=lambda t: (fixes[t], t == TALKER, t), default="")
+    def _source(self) -> str | None:
+        """Whose position counts in the newest epoch, '' without any, None where only others say one."""
+        placed = self._placed()
+        if not placed or self._talker in placed:
+            return self._talker
+        if not self._talker or (self._seconds - self._heard) % DAY_S > SILENT_S:
+            return self._best(placed, is_fixed=True)
+        return self._best([t for t in placed if t not in self._others and self._goes_on(t)]) or None
+
+    def _goes_on(self, talker: str) -> bool:
+        """Whether a fix may be of the receiver of the last one: it does not leap between code and carrier."""
+        quality = self._place(talker).get("quality", 0)
+        return not quality or not self._quality or (quality >= CARRIER) == (self._quality >= CARRIER)
+
+    def _find_others(self, talkers: Sequence[str]) -> None:
+        """Those whose positions lie apart from the one of the talker that counts are other sources."""
+        one = self._place(self._talker)
+        for talker in talkers:
+            other = self._place(talker)
+            if one.get("quality") and other.get("quality"):
+                north = one.get("latitude", 0.0) - other.get("latitude", 0.0)
+                east = one.get("longitude", 0.0) - other.get("longitude", 0.0)
+                east = math.remainder(east, 2.0 * math.pi) * math.cos(one.get("latitude", 0.0))
+                if math.hypot(north, east) * EARTH_M > APART_M:
+                    self._others.add(talker)
+
+    def _best(self, talkers: Sequence[str], is_fixed: bool = False) -> str:
+        """The talker with the best fix of the newest epoch, '' without any. is_fixed: with a fix."""
+        fixes = {t: self._place(t).get("quality", 0) for t in talkers}
+        those = (t for t in fixes if fixes[t] or not is_fixed)
+        return max(those, key=lambda t: (fixes[t], t == TALKER, t), default="")
+
+    def _place(self, talker: str) -> Fields:
+        """What a talker says of its place in the newest epoch."""
+        said, found = self._said.get(talker, {}), dict[str, Any]()
+        for kind in TOGETHER[0]:
+            found |= {name: value for name, value in said.get(kind, {}).items() if not math.isnan(value)}
+        return found
 
     def _epoch(self, talker: str) -> Epoch:
         """The newest epoch, positions of a talker, of any where none counts; the rest of it or of another."""
