@@ -9,6 +9,7 @@ from swath.documents.witness import Estimate, agreed
 from swath.field_io.delay import estimate_delays, neighbour_pairs
 from swath.field_io.logs.log import read_log
 from tests.field.drawn_logs import draw
+from tests.field.made_log import COLUMNS, LENGTH, NORTH, MadeLog
 
 
 def errors(seeds, tmp_path):
@@ -50,3 +51,28 @@ def test_a_pair_of_records_counts_once(seed, tmp_path):
     first, second, _ = neighbour_pairs(log)
     pairs = {tuple(sorted(pair)) for pair in zip(first.tolist(), second.tolist(), strict=True)}
     assert len(pairs) == len(first) > 0
+
+
+@pytest.mark.parametrize(
+    ("work_state", "is_zeroed", "expected"),
+    [
+        ("", False, 12.0),  # a quick sensor at a record a second
+        ("always", False, 12.0),
+        ("in the crop", False, 12.0),
+        ("in the crop", True, 12.0),  # turns show half of it
+        ("", True, np.nan),
+        ("always", True, np.nan),
+    ],
+)
+def test_turns_count_alone_unless_the_flow_ends_at_once(work_state, is_zeroed, expected, tmp_path):
+    made = MadeLog(passes=12)
+    for row in made.rows:
+        is_in = -0.01 <= row["northing"] - NORTH <= LENGTH - 1.99
+        row |= {"flow": row["flow"] * (is_in or not is_zeroed)}
+        row |= {"state": str(int(is_in or work_state == "always"))} if work_state else {}
+    columns = tmp_path / "columns.yaml"
+    columns.write_text(COLUMNS + "work_state: {column: state, unit: text}\n" * bool(work_state))
+    (delay,) = estimate_delays(read_log(made.write(tmp_path / "log.csv"), columns))
+    assert delay.seconds == pytest.approx(expected, abs=0.6, nan_ok=True)
+    assert bool(delay.doubt) == np.isnan(expected)
+    assert delay.is_cut_off == (is_zeroed and bool(expected > 0.0))

@@ -46,8 +46,10 @@ LEAST_ERROR, LEAST_TOLD = (
 DYING = 0.5 / np.log(9.0)
 NOISY = 3.0  # records by which a fall may last longer than a rise by chance
 HALF = 1.0  # s shown by the turns: below, half and whole delay are the same within what is told
-STEEP = "turns that begin and end at once"  # which may show half of the delay: no witness of their own
-AT_ONCE = 0.75  # of the begins or ends of a flow, from one record to the next: no machine empties so
+STEEP = "turns that begin or end at once"  # which may show half of the delay: no witness of their own
+# of the begins or ends of a flow, from a tenth to this share of it in one record: a lag of 0.3 to 2.5 s, the
+# usual ones, lasts longer at a record each 2 s or less
+AT_ONCE, FULL = 0.75, 0.8
 SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in the mean
 
 
@@ -377,8 +379,9 @@ def _of_turns(log: Log, own: Indices) -> tuple[list[tuple[Estimate, str]], bool]
     At each end of the field the flow ends and begins on one line; the delay is what brings both onto it.
     A header that is set down, or a log without records of the turns, begins a stretch of records: the time
     from it to the begin of its flow, and from its end to the end of the flow. A monitor may show no flow
-    while the header is out: then one of begin and end is that of the header, at once from all to nothing, and
-    the turns show half of the delay.
+    while the header is out: then one of begin and end is that of the header, and the turns show half of the
+    delay. A log that says when the header is out shows that; ends that no sensor is quick enough for make it
+    likely: of a late flow its ends, of an early one its begins.
     """
     clock = _clock(log)[0]
     position, clock = log.position[own], clock[own]
@@ -401,28 +404,26 @@ def _of_turns(log: Log, own: Indices) -> tuple[list[tuple[Estimate, str]], bool]
     needs_header = not is_shown or not log.working[own].all()
     sides = _header_sides(log, own, clock, stretches) if needs_header else []
     values = [side.value for side in sides]
-    lasts = np.array([(s.rise_lasts, s.fall_lasts) for s in stretches]).T
-    steep = np.array([(side == 0.0).sum() / max(np.isfinite(side).sum(), 1) for side in lasts])
-    is_steep = bool(steep.max() > AT_ONCE)
-    is_cut_off = is_steep and bool(steep.min() < 1.0 - AT_ONCE and np.isfinite(lasts).any(axis=1).all())
-    if len(sides) == 2:
-        is_apart = float(np.ptp(values)) > SLACK
-        is_cut_off, is_steep = is_apart and float(np.abs(values).min()) < SLACK, False
-        if is_apart and not is_cut_off and np.ptp(values) > 3.0 * np.hypot(*(side.error for side in sides)):
+    is_cut_off, far = False, max(values, key=abs, default=0.0)
+    if len(sides) == 2 and float(np.ptp(values)) > SLACK:
+        is_cut_off = far == values[int(far < 0.0)] and min(map(abs, values)) < SLACK
+        if not is_cut_off and np.ptp(values) > 3.0 * np.hypot(sides[0].error, sides[1].error):
             return [], False  # held or let die away while the header is out: neither side is the crop's
     if is_shown:
         ends = [_middle(np.array(end)) for end in found]
         error = max(0.5 * float(np.hypot(ends[0].error, ends[1].error)), LEAST_ERROR)
-        longer = float(np.nanmedian(lasts[1]) - np.nanmedian(lasts[0]) - NOISY * np.median(np.diff(clock)))
-        dying = DYING * max(longer, 0.0)
         value = 0.5 * sum(end.value for end in ends)
         is_near = abs(value) < HALF
-        is_cut_off &= not is_near and (value > 0.0) == bool(steep[1] >= steep[0])
+        both = np.array([(s.rise_lasts, s.fall_lasts) for s in stretches]).T
+        lasts = [side[np.isfinite(side)] for side in both]
+        longer = float(np.median(lasts[1]) - np.median(lasts[0]) - NOISY * np.median(np.diff(clock)))
+        is_steep = len(sides) < 2 and not is_near and float((lasts[int(value > 0.0)] == 0.0).mean()) > AT_ONCE
+        is_cut_off &= not is_near
         of_it = 2.0 if is_cut_off else 1.0
-        what = "its turns" if is_near or is_cut_off or not is_steep else STEEP
-        shown.append((Estimate(of_it * value, of_it * float(np.hypot(error, dying))), what))
+        error = of_it * float(np.hypot(error, DYING * max(longer, 0.0)))
+        shown.append((Estimate(of_it * value, error), STEEP if is_steep else "its turns"))
     if sides:
-        value = max(values, key=abs) if is_cut_off else float(np.mean(values))
+        value = far if is_cut_off else float(np.mean(values))
         apart = 0.0 if is_cut_off else 0.5 * float(np.ptp(values))
         error = max(float(np.mean([side.error for side in sides])), LEAD_ERROR, apart)
         shown.append((Estimate(value, error), "the ends of its records"))
@@ -439,7 +440,8 @@ def _header_sides(log: Log, own: Indices, clock: Array, stretches: list[_Stretch
     if len(runs) <= FEWEST_STARTS:
         return []
     begun, ended = np.array(runs).T
-    here = np.abs(0.5 * (begun + ended) - np.array([[s.middle] for s in stretches])).argmin(axis=1)
+    middle = 0.5 * (begun + ended)  # of each run: a stretch belongs to the nearest
+    here = np.searchsorted(0.5 * (middle[1:] + middle[:-1]), [s.middle for s in stretches])
     late = np.array([s.rise for s in stretches]) - begun[here] + between - LEAD
     early = np.array([s.fall for s in stretches]) - ended[here] - between + LEAD
     fewest = max(FEWEST_STARTS, LEAST_STARTS * len(stretches))
@@ -479,7 +481,7 @@ def _stretches(clock: Array, flow: Array, position: Array) -> list[_Stretch]:
 
 def _ramp(clock: Array, flow: Array, first: int, last: int) -> tuple[float, float]:
     """When the flow of the records first to last begins: the middle of its rise, and how long it takes [s], 0
-    from one record to the next; nan = not recorded.
+    at once; nan = not recorded.
     """
     begun, full, more = np.searchsorted(clock, clock[first] + FILLING * np.array([-1.0, 1.0, 3.0]))
     level = float(flow[full : min(more, last)].mean()) if full < min(more, last) else 0.0
@@ -489,7 +491,7 @@ def _ramp(clock: Array, flow: Array, first: int, last: int) -> tuple[float, floa
     part = slice(begun + low[-1], full + 1)
     high = np.flatnonzero(flow[part] > 0.9 * level)
     lasts = float(clock[part][high[0]] - clock[part][0]) if len(high) else np.nan
-    lasts = 0.0 if begun + low[-1] + 1 >= first else lasts
+    lasts = 0.0 if flow[part][1] > FULL * level else lasts
     return float(clock[full] - np.trapezoid(flow[part], clock[part]) / level), lasts
 
 
