@@ -64,7 +64,8 @@ def test_equal_sources_count_once_and_others_are_refused_with_both(tmp_path):
         if key:
             assert any(note.startswith(f"{key}: grain_flow") for note in read_log(path).notes)
         else:
-            with pytest.raises(InputError, match=r"sources = (?s:.*)grain_flow: .column: (?s:.*)or grain_flow"):
+            both = r"sources = (?s:.*)grain_flow: .column: (?s:.*)or grain_flow"
+            with pytest.raises(InputError, match=both):
                 read_log(path)
 
 

@@ -502,8 +502,8 @@ def _added(table: Table, key: str, parts: tuple[Column, ...]) -> tuple[Column, s
 def _by_way(
     table: Table, found: ColumnMap, raw: dict[str, Array], drive: Drive, time: Array | None
 ) -> tuple[ColumnMap, list[str]]:
-    """The speed nearest to way over time, the width nearest to the distance of passes, of several that differ;
-    else the first. Notes on these.
+    """Columns with the speed nearest to way over time, and the width nearest to the distance of passes, of
+    several that differ; else the first. Notes on these.
 
     time [s]
     """

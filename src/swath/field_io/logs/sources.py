@@ -64,12 +64,9 @@ def choose(
         elif quantity in WITNESSED:
             undecided.append(other)
         else:
-            text = (
-                f"expected one {quantity}: {other} says {over:.3g} of {best} in the mean; --columns MAP.yaml"
-            )
-            raise InputError(
-                "sources", f"{best}, {other}", f"{text} takes one: {entry(best)} or {entry(other)}", file=file
-            )
+            text = f"expected one {quantity}, the second is {over:.3g} of the first; --columns MAP.yaml takes"
+            expected = f"{text} {entry(best)} or {entry(other)}"
+            raise InputError("sources", f"{best}, {other}", expected, file=file)
     return Choice(best, tuple(notes), tuple(undecided))
 
 
