@@ -30,7 +30,7 @@ MODULES = {  # of src that make sockets, and the rows of the table that they are
     "link/device/wires.py": "run --device, level device, level agopengps, level analog",
     "link/can/bus.py": "run --isobus, can box, level can",
     "link/can/udp.py": "can box",
-    "field_io/logs/channels.py": "",  # of python-can the readers of files alone
+    "field_io/logs/frames.py": "",  # of python-can the readers of files alone
     "tools/run_log/write.py": "",
     "link/ros2/middleware.py": "run --ros2, ros2 play, level ros2",
     "link/fmi/child_process.py": "",  # a pair without an address

@@ -64,7 +64,7 @@ def choose(
         elif quantity in WITNESSED:
             undecided.append(other)
         else:
-            text = f"expected one {quantity}, the second is {over:.3g} of the first; --columns MAP.yaml takes"
+            text = f"expected one, the second is {over:.3g} of the first; in --columns:"
             expected = f"{text} {entry(best)} or {entry(other)}"
             raise InputError("sources", f"{best}, {other}", expected, file=file)
     return Choice(best, tuple(notes), tuple(undecided))
