@@ -86,6 +86,7 @@ SEASON = 30 * 86400.0  # s: a longer pause lies between two harvests
 COUNTS_ON = 0.99  # of the steps of a distance that do not go back: it is that from the start
 SAME_OF = {"lat": 0.002, "lon": 0.002, "elevation": 25.0, "moisture": 0.25, "distance": 10.0}
 """Of what `choose` takes its share, deg, m, share, m: the yield does not go with them."""
+EVENLY = 0.9  # of the places held for as many records: with less they have few digits
 MOST_HELD = 20.0  # records for which a place is held: 1 Hz in a log of 20 Hz
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
@@ -519,6 +520,9 @@ def _by_way(
             off[c.column] = min(abs(np.log(ratio * UNITS[QUANTITIES[key]][unit])) for unit in units)
         first, best = columns[key], min((columns[key], *others), key=lambda c: off[c.column])
         is_shown = max(off.values()) - off[best.column] > SAME / 2.0
+        if key == "header_width" and not (is_shown and off[best.column] < AT.agrees[1] - 1.0):
+            text = "expected one header_width, as wide as passes lie apart; --columns MAP.yaml takes one"
+            raise InputError("sources", ", ".join(off), text)
         columns[key] = best if is_shown else first
         raw[key] = values[columns[key].column]
         differ = ", ".join(c.column for c in (first, *others) if c is not columns[key])
@@ -536,7 +540,7 @@ def _between_held(lon_lat: Array, plane: Array, rows: NDArray[np.int64]) -> list
     first = np.flatnonzero(np.r_[True, (np.diff(plane[rows], axis=0) != 0.0).any(axis=1)])
     size = np.diff(np.r_[first, len(rows)])
     usual = float(np.median(size)) if len(size) else 0.0
-    if len(first) < FEWEST_RECORDS or not 2.0 <= usual <= MOST_HELD:
+    if len(first) < FEWEST_RECORDS or not 2.0 <= usual <= MOST_HELD or (size == usual).mean() < EVENLY:
         return []
     step = np.diff(plane[rows[first]], axis=0)
     way = np.hypot(*step.T)
