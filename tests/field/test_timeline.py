@@ -8,6 +8,7 @@ pytest.importorskip("scipy")
 from swath.core.errors import InputError
 from swath.documents.reasons import doubts
 from swath.field_io.delay import estimate_delays
+from swath.field_io.logs.clock import spread
 from swath.field_io.logs.log import first_loss, read_log
 from swath.field_io.logs.sources import choose
 from tests.field.drawn_logs import draw
@@ -155,3 +156,8 @@ def test_a_work_state_does_not_take_the_flow_of_the_turns(seed, tmp_path):
     made = draw(seed, has_work_state=True)
     for delay in estimate_delays(read_log(made.write(tmp_path / "log.csv"))):
         assert abs(delay.seconds - made.delays[delay.machine]) < 0.6 or not np.isfinite(delay.seconds)
+
+
+def test_a_clock_of_no_rows_stays():
+    """Rows of a machine none of which has a place."""
+    assert len(spread(np.zeros(0), np.zeros((0, 2)))[0]) == 0

@@ -129,11 +129,13 @@ def spread(time: Array, position: Array) -> tuple[Array, str]:
 
     position [m], shape (n, 2): where a step is few records long, these lie behind each other, or on one place
     """
-    first = np.flatnonzero(np.r_[True, np.diff(time) != 0.0])
+    first = np.flatnonzero(np.diff(time, prepend=np.nan) != 0.0)
+    if len(first) < FEWEST_STEPS:
+        return time, ""
     size = np.diff(np.r_[first, len(time)])
     step = np.diff(time[first])
     usual = float(np.median(size))
-    if len(first) < FEWEST_STEPS or usual < 2.0 or not (step > 0.0).all():
+    if usual < 2.0 or not (step > 0.0).all():
         return time, ""
     if len(first) >= LEAST_STEPS * len(time) and not _is_ahead(position, int(usual)):
         return time, ""

@@ -207,7 +207,8 @@ def read_log(
     if good.sum() < FEWEST_RECORDS:
         reason, why = first_loss(broken, row_count)
         expected = f"expected at least {FEWEST_RECORDS} usable rows: {why}{_why(reason, values, found)}"
-        raise InputError("lost", int(good.sum()), expected, file=path)
+        key = "place" if reason.startswith("position") else "lost"
+        raise InputError(key, int(good.sum()), expected, file=path)
     notes += [
         f"lost: {n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why(reason, values, found)}"
         for reason, n in broken.items()
