@@ -161,3 +161,12 @@ def test_a_work_state_does_not_take_the_flow_of_the_turns(seed, tmp_path):
 def test_a_clock_of_no_rows_stays():
     """Rows of a machine none of which has a place."""
     assert len(spread(np.zeros(0), np.zeros((0, 2)))[0]) == 0
+
+
+def test_widths_of_which_none_is_that_of_the_passes_are_refused_with_both_lines(tmp_path):
+    h = Harvest()
+    made = {**columns(h), "swath_m": 16.0 + 0.0 * h.flow, "width_m": 21.0 + 0.0 * h.flow}
+    path = table(tmp_path / "log.csv", made)
+    with pytest.raises(InputError, match=r'{column: "\w+_m"} or header_width: .*log\.csv') as refused:
+        read_log(path)
+    assert refused.value.key == "sources"

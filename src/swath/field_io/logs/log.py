@@ -6,6 +6,7 @@ Broken rows are left out and counted by reason; only a file that holds no usable
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -322,7 +323,7 @@ def _settled(
     drive = Drive((0.0, 0.0), order[:0], order[:0], np.zeros(0)) if known is None else known[1]
     notes += _step_wise(raw, order, drive)
     seconds = None if clock is None else clock * UNITS["time"][unit or found.columns["time"].unit] + day
-    found, more = _by_way(table, found, raw, drive, seconds)
+    found, more = _by_way(table, found, raw, drive, seconds, path)
     notes += more
     logged = Logged(found.columns, raw, None, (), cutting, header_width)
     columns, seconds, pace = dict(found.columns), None, None
@@ -472,20 +473,22 @@ def _of_sources(table: Table, found: ColumnMap, path: Path) -> tuple[ColumnMap, 
             is_volume = columns[key].unit == "bu/ac"
             others = tuple(c for c in others if (c.unit == "bu/ac") is is_volume)
 
-        def entry(name: str, key: str = key) -> str:
-            return f"{key}: {{column: {json.dumps(name)}}}"
-
         all_of = {c.column: c for c in (columns[key], *others)}
         values = {name: _in_si(table, key, c) for name, c in all_of.items()}
         own = values[columns[key].column]
         for c in others:
             if c.is_assumed or columns[key].is_assumed:
                 values[c.column] = values[c.column] / _unit_ratio(key, values[c.column], own)
-        choice = choose(key, values, entry, size=SAME_OF.get(key), file=path)
+        choice = choose(key, values, partial(_line, key), size=SAME_OF.get(key), file=path)
         columns[key] = all_of[choice.name]
         notes += choice.notes
         undecided[key] = tuple(all_of[name] for name in choice.open)
     return replace(found, columns=columns, others={k: c for k, c in undecided.items() if c}), notes
+
+
+def _line(key: str, name: str) -> str:
+    """The line of a map of columns that chooses a column."""
+    return f"{key}: {{column: {json.dumps(name)}}}"
 
 
 def _added(table: Table, key: str, parts: tuple[Column, ...]) -> tuple[Column, str]:
@@ -502,12 +505,12 @@ def _added(table: Table, key: str, parts: tuple[Column, ...]) -> tuple[Column, s
 
 
 def _by_way(
-    table: Table, found: ColumnMap, raw: dict[str, Array], drive: Drive, time: Array | None
+    table: Table, found: ColumnMap, raw: dict[str, Array], drive: Drive, time: Array | None, path: Path
 ) -> tuple[ColumnMap, list[str]]:
     """Columns with the speed nearest to way over time, and the width nearest to the distance of passes, of
     several that differ; else the first. Notes on these.
 
-    time [s]
+    time [s]. Raises InputError for widths of which none is that of the passes.
     """
     columns, notes = dict(found.columns), list[str]()
     for key, others in found.others.items():
@@ -522,8 +525,9 @@ def _by_way(
         first, best = columns[key], min((columns[key], *others), key=lambda c: off[c.column])
         is_shown = max(off.values()) - off[best.column] > SAME / 2.0
         if key == "header_width" and not (is_shown and off[best.column] < AT.agrees[1] - 1.0):
-            text = "expected one header_width, as wide as passes lie apart; --columns MAP.yaml takes one"
-            raise InputError("sources", ", ".join(off), text)
+            lines = " or ".join(_line(key, name) for name in off)
+            text = f"expected one as wide as passes lie apart; in --columns: {lines}"
+            raise InputError("sources", ", ".join(off), text, file=path)
         columns[key] = best if is_shown else first
         raw[key] = values[columns[key].column]
         differ = ", ".join(c.column for c in (first, *others) if c is not columns[key])
