@@ -375,10 +375,27 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         for t in tracks:
             for piece in t.pieces():
                 count = len(piece["t_s"])
-                data = [pa.array(piece.get(name, np.full(count, NAN))) for name in columns]
-                names = pa.array([t.machine.name] * count, pa.string())
-                writer.write_table(pa.table([names, *data], schema=schema))
+                data = [_to_arrow(piece.get(name, np.full(count, NAN))) for name in columns]
+                names = _repeated(t.machine.name, count)
+                writer.write_table(pa.Table.from_arrays([names, *data], schema=schema))
     pa.default_memory_pool().release_unused()
+
+
+def _to_arrow(values: np.ndarray) -> Any:
+    """Numbers as an Arrow array; as `pa.array`, which loads pandas where that is installed."""
+    import pyarrow as pa
+
+    numbers = np.ascontiguousarray(values, dtype=np.float64)
+    return pa.Array.from_buffers(pa.float64(), len(numbers), [None, pa.py_buffer(numbers)])
+
+
+def _repeated(text: str, count: int) -> Any:
+    """A text so many times as an Arrow array."""
+    import pyarrow as pa
+
+    letters = text.encode()
+    ends = np.arange(count + 1, dtype=np.int32) * np.int32(len(letters))
+    return pa.StringArray.from_buffers(count, pa.py_buffer(ends), pa.py_buffer(letters * count))
 
 
 def _is_busy(values: np.ndarray) -> bool:
@@ -416,10 +433,23 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _arrays(table: Any) -> dict[str, np.ndarray]:
     """Columns of an Arrow table or record batch."""
-    return {
-        name: column.to_numpy(zero_copy_only=False)
-        for name, column in zip(table.schema.names, table.columns, strict=True)
-    }
+    return {name: _to_numpy(column) for name, column in zip(table.schema.names, table.columns, strict=True)}
+
+
+def _to_numpy(column: Any) -> np.ndarray:
+    """As `to_numpy`, which loads pandas where that is installed: numbers and texts without gaps need none."""
+    import pyarrow as pa
+
+    array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    if array.null_count == 0 and pa.types.is_floating(array.type):
+        return np.from_dlpack(array)
+    if array.null_count == 0 and pa.types.is_string(array.type):
+        found = array.dictionary_encode()
+        names: np.ndarray = np.array(found.dictionary.to_pylist(), dtype=object)
+        texts: np.ndarray = names[np.from_dlpack(found.indices)]
+        return texts
+    values: np.ndarray = array.to_numpy(zero_copy_only=False)
+    return values
 
 
 def column_names() -> list[str]:
