@@ -1,7 +1,6 @@
 """Addresses, buses and terminals that lead out of this program are opened only where the user names them."""
 
 import socket
-import sys
 
 import pytest
 
@@ -24,15 +23,6 @@ field:
 machines:
   combine: {{motion: kinematic, {slot}}}
 """
-OPENED = []  # what sockets were bound, connected or sent to
-
-
-def _heard(event, args):
-    if event in ("socket.bind", "socket.connect", "socket.sendto"):
-        OPENED.append((event, args[1]))
-
-
-sys.addaudithook(_heard)
 STRANGE = {  # a row of the report each, with its siblings: slot, the address that has to be named
     "scanner on all interfaces": (
         "lidar: {level: empirical, device: 'lms://0.0.0.0:0'}", "lms://0.0.0.0:0"),
@@ -71,25 +61,26 @@ def written(folder, slot):
 
 
 @pytest.mark.parametrize("kind", STRANGE)
-def test_a_scenario_alone_opens_nothing_and_one_line_says_what_to_type(kind, tmp_path, monkeypatch, capsys):
+def test_a_scenario_alone_opens_nothing_and_one_line_says_what_to_type(
+    kind, tmp_path, monkeypatch, capsys, reached
+):
     slot, address = STRANGE[kind]
     address = address.replace("SECRET", str(tmp_path / "secret.txt")).replace("LINK", str(tmp_path / "link"))
     written(tmp_path, slot)
     monkeypatch.chdir(tmp_path)
     had = sorted(tmp_path.iterdir())
-    OPENED.clear()
     assert main(["run", "s.yaml", "--quiet", "--no-report", "--no-replay", "--out", "out"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1, said
     assert "--allow-address" in said
     assert address in said
     assert "s.yaml:" in said
-    assert OPENED == []
+    assert reached == []
     assert sorted(p for p in tmp_path.iterdir() if p.name != "out") == had
     assert (tmp_path / "secret.txt").read_text() == "years of work"
     with pytest.raises(InputError, match="addresses="):
         swath.run("s.yaml", "out", report=False)
-    assert OPENED == []
+    assert reached == []
 
 
 @pytest.mark.parametrize("line", [
@@ -98,24 +89,22 @@ def test_a_scenario_alone_opens_nothing_and_one_line_says_what_to_type(kind, tmp
     ["--set", "combine.lidar.device=lms://0.0.0.0:0"],
     ["--set", "combine.lidar={level: empirical, device: 'lms://0.0.0.0:0'}"],
 ])  # fmt: skip
-def test_what_the_command_line_names_is_opened(line, tmp_path, monkeypatch):
+def test_what_the_command_line_names_is_opened(line, tmp_path, monkeypatch, reached):
     written(tmp_path, "edge: truth, lidar: {level: empirical, device: 'lms://0.0.0.0:0'}")
     monkeypatch.chdir(tmp_path)
-    OPENED.clear()
     assert main(["run", "s.yaml", *line, "--quiet", "--no-report", "--no-replay", "--out", "out"]) in (
         0,
         1,
         3,
     )
-    assert [a for e, a in OPENED if e == "socket.bind"] == [("0.0.0.0", 0)]
+    assert [at for how, at in reached if how == "bind"] == [("0.0.0.0", 0)]
 
 
-def test_what_python_names_is_opened_and_a_scenario_remembers_it(tmp_path):
+def test_what_python_names_is_opened_and_a_scenario_remembers_it(tmp_path, reached):
     written(tmp_path, "edge: truth, lidar: {level: empirical, device: 'lms://0.0.0.0:0'}")
-    OPENED.clear()
     scenario = swath.load_scenario(tmp_path / "s.yaml", addresses=["lms://0.0.0.0:0"])
     swath.run(scenario, tmp_path / "out", report=False)
-    assert ("0.0.0.0", 0) in [a for _, a in OPENED]
+    assert ("0.0.0.0", 0) in [at for _, at in reached]
 
 
 def test_a_change_of_a_run_names_no_address(tmp_path):
