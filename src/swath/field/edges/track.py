@@ -21,6 +21,8 @@ from swath.core.errors import InputError
 from swath.core.frames import wrap_angle
 
 Array = NDArray[np.float64]
+MANY = 512  # points, from which on it pays to ask first which pieces are near
+FEW = 12  # pieces: for more of them, many points are parted
 
 
 class Way:
@@ -148,7 +150,12 @@ class EdgeShape:
         if x.shape != y.shape:
             x, y = np.broadcast_arrays(x, y)
         s, best = np.zeros(x.shape), np.full(x.shape, inf)
-        for piece in self._near(x, y):
+        near = self._near(x, y)
+        if len(near) > FEW and x.size >= MANY and (first := _first_half(x, y)).sum() < x.size:
+            for part in (first, ~first):
+                s[part], best[part] = self.project(x[part], y[part])
+            return s, best
+        for piece in near:
             t, offset = piece.project(x, y)
             closer = np.abs(offset) < np.abs(best)
             np.copyto(best, offset, where=closer)
@@ -184,7 +191,7 @@ class EdgeShape:
         middle as its own middle is, and at most half its length nearer; of many points those that are as near
         as the nearest to their middle, but for the points' reach on both sides.
         """
-        if (x.size < 512 and len(self._sides) <= 4) or x.size == 0:
+        if (x.size < MANY and len(self._sides) <= 4) or x.size == 0:
             return self._sides
         cx, cy = 0.5 * (x.min() + x.max()), 0.5 * (y.min() + y.max())
         reach = float(np.hypot(x.max() - cx, y.max() - cy))
@@ -195,10 +202,17 @@ class EdgeShape:
         if not self.is_closed:
             lead, tail = (side if end <= limit else None for side, end in zip(self._ends, ends, strict=True))
             near = [p for p in (lead, *near, tail) if p is not None]
-        if x.size < 512 or len(near) < 2:
+        if x.size < MANY or len(near) < 2:
             return near
         away = [abs(float(p.project(cx, cy)[1])) for p in near]
         return [p for p, d in zip(near, away, strict=True) if d <= min(away) + 2.0 * reach + 1e-9]
+
+
+def _first_half(x: Array, y: Array) -> NDArray[np.bool_]:
+    """Which points lie in the first half of the rectangle around them, parted across its longer side."""
+    across = max((x, y), key=np.ptp)
+    first: NDArray[np.bool_] = across <= 0.5 * (across.min() + across.max())
+    return first
 
 
 def straight(x: float, y: float, heading: float, length: float) -> list[Piece]:
