@@ -72,6 +72,7 @@ def test_a_page_that_uses_an_extra_without_saying_so_fails(tmp_path):
     assert subprocess.run(command, env=environment, capture_output=True).returncode == 0
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("page", OTHERS)
 def test_the_lines_of_another_page_do_what_they_say(page, tmp_path, monkeypatch, capsys):
     """Exit code 0, or 1 or 3 where so short a run misses a limit or measures nothing."""

@@ -34,15 +34,10 @@ def test_each_tutorial_is_linked_and_tried():
     assert len(names - ELSEWHERE) >= 8
 
 
-FIRST = "first-run"  # alone in `make test`
-TYPED = [
-    pytest.param(page, id=page.stem, marks=() if page.stem == FIRST else pytest.mark.draws)
-    for page in PAGES
-    if page.stem not in ELSEWHERE
-]
-
-
-@pytest.mark.parametrize("page", TYPED)
+@pytest.mark.draws
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page.stem not in ELSEWHERE], ids=lambda page: page.stem
+)
 def test_a_tutorial(page, tmp_path):
     if module := NEEDS.get(page.stem):
         pytest.importorskip(module)

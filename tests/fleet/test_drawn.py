@@ -22,6 +22,7 @@ from tests.fleet.check import looked_at
 from tests.fleet.drawn import SMALL, drawn_job, scheduled
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("level", ["planned", "driven"])
 @pytest.mark.parametrize("seed", [130, 131])
 def test_a_drawn_job_ends_with_all_grain_at_the_truck_and_no_contact(seed, level):
@@ -170,6 +171,7 @@ def test_who_is_done_does_not_hold_the_way_of_the_last_grain():
     assert min(homewards) > last
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("hectares", [1.0, 10.0])
 def test_a_way_is_opened_to_a_round_without_corners(hectares):
     """No pass of it begins at the edge, and crop stands all round."""

@@ -84,6 +84,7 @@ def test_uniform_stands_that_are_shifted(shift):
     assert other.number("w1_m").difference > other.number("w1_m").spread[0]
 
 
+@pytest.mark.draws
 def test_what_is_noise_is_called_so():
     """Of two draws of one stand the distance is below its noise as often as 95 % asks, and the intervals of
     what does not differ hold 0.

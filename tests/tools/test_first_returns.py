@@ -60,12 +60,14 @@ def test_plain_form_is_the_table(degrees, density, width):
     assert (apart(plain, TABLE[degrees, density][WIDTHS.index(width)]) < 0.0075).all()
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(("degrees", "density", "width"), CELLS)
 def test_rays_against_the_closed_form_with_round_ends(degrees, density, width):
     exact = closed_form(Stems(density), np.radians(degrees), width, round_ends=True)
     assert (apart(seen(degrees, density, width), exact) <= limit(width)).all()
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(
     ("degrees", "density", "width"), [cell for cell in CELLS if cell not in ROUND_ENDS_COUNT]
 )
@@ -74,6 +76,7 @@ def test_rays_against_the_plain_form(degrees, density, width):
     assert (apart(seen(degrees, density, width), plain) <= limit(width)).all()
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize(("degrees", "density", "width"), sorted(ROUND_ENDS_COUNT))
 def test_round_ends_explain_what_deviates(degrees, density, width):
     """Where the plain form is left, the rays lie where the round ends put them, and nearer than to it."""

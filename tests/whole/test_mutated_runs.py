@@ -3,6 +3,7 @@
 import copy
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -50,6 +51,7 @@ EXTRA = st.sampled_from(
 )
 
 
+@pytest.mark.draws
 @settings(max_examples=40, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(st.lists(st.tuples(st.sampled_from(PATHS), VALUES), max_size=2), st.lists(EXTRA, max_size=2))
 def test_a_valid_run_or_one_error(changes, extras):
