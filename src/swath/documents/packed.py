@@ -30,7 +30,7 @@ def readable(key: str, what: str, path: Path) -> Iterator[None]:
     """Makes an InputError of whatever a parser meets in a damaged file: zlib, struct, index, value errors."""
     try:
         yield
-    except SwathError:
+    except (SwathError, NameError):  # no file makes the latter: it is a mistake in the program
         raise
     except Exception as error:  # readers of foreign files may raise anything
         if isinstance(error, FileNotFoundError):
