@@ -11,6 +11,7 @@ import pytest
 
 from swath import kernels
 from swath.kernels import _own_temporary, address, start_warp
+from tests.waiting import PATIENCE_S
 
 ROOM = np.arange(12.0)
 FIXED = ROOM.copy()
@@ -72,11 +73,11 @@ def test_a_process_that_was_forked_while_a_thread_loads_kernels_can_load_its_own
     def hold():
         with kernels._loading:
             held.set()
-            over.wait(60.0)
+            over.wait(PATIENCE_S)
 
     thread = threading.Thread(target=hold)
     thread.start()
-    held.wait(60.0)
+    assert held.wait(PATIENCE_S)
     child = os.fork()
     if child == 0:
         os._exit(0 if kernels._loading.acquire(blocking=False) else 1)

@@ -1,12 +1,12 @@
 """Slots served as devices without a run: drawn samples, and a device that is fed with them."""
 
 import socket
-import time
 
 import numpy as np
 
 from swath.core.component import Port
 from swath.link.device.output import DeviceSetup, make_device
+from swath.link.device.wires import Reader
 from swath.signals import Fix, Scan
 
 STEP = 40_000_000  # ns
@@ -43,12 +43,16 @@ def device(address, signal, *, origin=None, range_max=40.0, period=0.04, factor=
     return made
 
 
-def until(condition, seconds=300.0):
-    """Wait for something that another thread does."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.005)
+def heard_by(monkeypatch):
+    """Pieces that come in from now on over wires of levels, as they come."""
+    pieces, came = [], Reader._came
+
+    def note(reader, data, sender=None):
+        came(reader, data, sender)
+        pieces.append(data)
+
+    monkeypatch.setattr(Reader, "_came", note)
+    return pieces
 
 
 def free_port(kind=socket.SOCK_STREAM):

@@ -173,7 +173,7 @@ def _channels(f, code):
 class Lms:
     """A connection in CoLa A, or CoLa B where `is_binary`; parameters are (code of struct, value)."""
 
-    def __init__(self, host, port, *, is_binary, timeout_s=30):
+    def __init__(self, host, port, *, is_binary, timeout_s=300):
         self.is_binary = is_binary
         self.socket = socket.create_connection((host, port), timeout=timeout_s)
         self._file = self.socket.makefile("rb")

@@ -3,7 +3,7 @@
 import math
 import socket
 import threading
-import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +22,10 @@ from swath.machine.machine_sheet import load_machine
 from swath.sensing.mount import Mount
 from swath.signals import Fix, Odometry, Scan, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
-from tests.link.device_rig import STEP, device, drawn_fix, free_port, plane_scan
+from tests.link.device_rig import STEP, device, drawn_fix, free_port, heard_by, plane_scan
 from tests.link.independent_agopengps import HELLO, answer_of, hello_angle_of, steer_command
 from tests.link.test_device_velodyne import PERIOD, turn
+from tests.waiting import PATIENCE_S, ended, until
 
 ORIGIN = origin_at(52.0, 10.9)
 
@@ -44,41 +45,46 @@ def opened(address, signal, **keys):
     return part, part.reset(Stream(0, "x"))
 
 
+@contextmanager
+def first_sample(part):
+    """The slot waits for its first sample, which is to be sent meanwhile; it is in the list afterwards."""
+    found = []
+    waiting = threading.Thread(target=lambda: found.append(part.reset(Stream(0, "x"))["out"]))
+    waiting.start()
+    until(lambda: part._reader is not None, "it listens")
+    yield found
+    ended(waiting)
+
+
+def newest(part, t):
+    """What comes at t [ns] of the run, or has come."""
+    return until(lambda: part.step(t - STEP, STEP, {}), "a sample")["out"]
+
+
 @pytest.mark.parametrize("dialect", ["a", "b"])
 def test_a_slot_filled_by_an_lms_has_its_scans(dialect):
     made, rng = device("lms://127.0.0.1:0", Scan), np.random.default_rng(1)
     scans = {n: plane_scan(n * STEP, rng) for n in range(30)}
     made("slot", 0, {"scan": scans[0]})
     part = DeviceSlot(
-        Params(f"lms://127.0.0.1:{made.port}?cola={dialect}", mount=Mount()), setup("lidar", Scan)
+        Params(f"lms://127.0.0.1:{made.port}?cola={dialect}", mount=Mount(), wait_s=PATIENCE_S),
+        setup("lidar", Scan),
     )
-
-    def send():
-        for n in range(1, 30):
-            time.sleep(0.02)
-            made("slot", n * STEP, {"scan": scans[n]})
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    first = part.reset(Stream(0, "x"))["out"]
-    assert first.t == 0
-    found, t = [], 0
-    for _ in range(60):
-        time.sleep(0.01)
-        out = part.step(t, 10_000_000, {})
-        t += 10_000_000
-        found += list(out.values())
-    sender.join()
-    part.close(), made.close()
-    assert 20 <= len(found) <= 29
-    assert all(0 < scan.t <= t for scan in found)
-    told = {n: scan for n in scans for scan in found if len(scan.ranges) and np.allclose(
-        np.nan_to_num(scan.ranges), np.nan_to_num(scans[n].ranges), atol=6e-4)}  # fmt: skip
-    assert len(told) == len(found)
-    for n, scan in told.items():
+    with first_sample(part) as first:
+        until(made._is_met, "it asks for scans")
+        made("slot", STEP, {"scan": scans[1]})
+    assert first[0].t == 0
+    begun = 2 * round(PATIENCE_S) * NS  # what has waited since its arrival came after the start
+    for n in range(2, 30):
+        made("slot", n * STEP, {"scan": scans[n]})
+        scan = newest(part, begun + n * STEP)
+        assert 0 < scan.t <= begun + n * STEP
+        told, sent = (np.nan_to_num(each.ranges) for each in (scan, scans[n]))
+        np.testing.assert_allclose(told, sent, atol=6e-4)
         np.testing.assert_allclose(scan.azimuth, scans[n].azimuth, atol=lms.TICK)
         np.testing.assert_allclose(scan.beam_t, scans[n].beam_t, atol=2e-6)
         np.testing.assert_allclose(scan.intensity, scans[n].intensity, atol=1e-4)
+    part.close(), made.close()
 
 
 def lms_bytes(counter, rng, t=None):
@@ -89,25 +95,26 @@ def lms_bytes(counter, rng, t=None):
     )
 
 
-def test_lost_late_and_broken_telegrams_are_told_and_the_last_scan_counts():
-    rng = np.random.default_rng(2)
+def test_lost_late_and_broken_telegrams_are_told_and_the_last_scan_counts(monkeypatch):
+    rng, heard = np.random.default_rng(2), heard_by(monkeypatch)
     with socket.create_server(("127.0.0.1", 0)) as server:
-        part = DeviceSlot(
-            Params(f"lms://127.0.0.1:{server.getsockname()[1]}", mount=Mount()), setup("lidar", Scan)
-        )
-        threading.Thread(target=part.reset, args=(Stream(0, "x"),)).start()
-        connection, _ = server.accept()
-        connection.sendall(lms_bytes(65_534, rng, 1))
-        time.sleep(0.3)
+        address = f"lms://127.0.0.1:{server.getsockname()[1]}"
+        part = DeviceSlot(Params(address, mount=Mount(), wait_s=PATIENCE_S), setup("lidar", Scan))
+        with first_sample(part):
+            connection, _ = server.accept()
+            connection.sendall(lms_bytes(65_534, rng, 1))
         broken = bytearray(lms_bytes(65_535, rng, 2))
         broken[40] ^= 1
-        connection.sendall(bytes(broken) + lms_bytes(0, rng, 3) + lms_bytes(3, rng, 4) + lms_bytes(2, rng, 5))
-        connection.sendall(b"noise" + cola.telegram("sFA", "", binary=True) + lms_bytes(4, rng, 6))
-        time.sleep(0.3)
+        heard.clear()
+        sent = bytes(broken) + lms_bytes(0, rng, 3) + lms_bytes(3, rng, 4) + lms_bytes(2, rng, 5)
+        sent += b"noise" + cola.telegram("sFA", "", binary=True) + lms_bytes(4, rng, 6)
+        connection.sendall(sent)
+        until(lambda: b"".join(heard) == sent, "all has come")
         out = part.step(0, STEP, {})["out"]
         assert len(out.ranges) == 11
+        told = len(part._events.list)
         connection.close()
-        time.sleep(0.2)
+        until(lambda: len(part._events.list) > told, "the end of the connection is told")
         assert part.step(STEP, NS, {}) == {}
         part.close()
     notes = "\n".join(part.notes)
@@ -118,39 +125,32 @@ def test_lost_late_and_broken_telegrams_are_told_and_the_last_scan_counts():
     assert "no sample for 1000 ms" in notes
 
 
-def test_a_slot_filled_by_a_velodyne_has_its_turns():
-    rng = np.random.default_rng(3)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        part = DeviceSlot(
-            Params("velodyne://127.0.0.1:23681", mount=Mount()),
-            setup("lidar", Scan, period=PERIOD),
-        )
-
-        def send():
-            time.sleep(0.1)
-            for n in (1, 2):
-                scan = turn(n * 100_000_000, rng)
-                for packet in velodyne.packets(scan, velodyne.grid_of(scan)):
-                    sender.sendto(packet, ("127.0.0.1", 23681))
-                    time.sleep(0.0005)
-
-        thread = threading.Thread(target=send)
-        thread.start()
-        scan = part.reset(Stream(0, "x"))["out"]
-        thread.join()
-        part.close()
+def test_a_slot_filled_by_a_velodyne_has_its_turns(monkeypatch):
+    rng, heard, port = np.random.default_rng(3), heard_by(monkeypatch), free_port(socket.SOCK_DGRAM)
+    address = f"velodyne://127.0.0.1:{port}"
+    part = DeviceSlot(Params(address, mount=Mount(), wait_s=PATIENCE_S), setup("lidar", Scan, period=PERIOD))
+    scans = [turn(n * 100_000_000, rng) for n in (1, 2)]
+    packets = [packet for scan in scans for packet in velodyne.packets(scan, velodyne.grid_of(scan))]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender, first_sample(part) as first:
+        for n, packet in enumerate(packets, 1):
+            sender.sendto(packet, ("127.0.0.1", port))
+            if n % 20 == 0:  # no more than fit into the buffer of a socket
+                until(lambda n=n: len(heard) == n, "they have come")
+    part.close()
+    (scan,) = first
     assert len(scan.ranges) == 28_800
     assert np.isnan(scan.ranges).mean() == pytest.approx(0.2, abs=0.01)
 
 
 @pytest.mark.parametrize("transport", ["tcp", "udp", "pty"])
 def test_a_slot_filled_by_a_receiver_has_its_fixes(transport, tmp_path):
-    port = 10_111
-    where = str(tmp_path / "gnss") if transport == "pty" else f"127.0.0.1:{port}"
+    kind = socket.SOCK_DGRAM if transport == "udp" else socket.SOCK_STREAM
+    where = str(tmp_path / "gnss") if transport == "pty" else f"127.0.0.1:{free_port(kind)}"
     address = f"nmea+{transport}://{where}"
     with allow_code((), addresses=[address]):
         made = device(address, Fix, origin=ORIGIN, period=0.1)
-        part = DeviceSlot(Params(address, antenna_m=(1.0, 0.0, 3.9)), setup("gnss", Fix, period=0.1))
+        params = Params(address, antenna_m=(1.0, 0.0, 3.9), wait_s=PATIENCE_S)
+        part = DeviceSlot(params, setup("gnss", Fix, period=0.1))
     fixes = {}
     rng = np.random.default_rng(4)
     for n in range(1, 30):
@@ -160,57 +160,49 @@ def test_a_slot_filled_by_a_receiver_has_its_fixes(transport, tmp_path):
             n * 100_000_000, rng, longitude=lon, latitude=lat, height=z, x=x, y=y, z=z, heading=n / 10
         )
 
-    def send():
-        for n, fix in fixes.items():
-            time.sleep(0.03)
-            made("slot", n * 100_000_000, {"fix": fix})
+    def send(n):
+        made("slot", n * 100_000_000, {"fix": fixes[n]})
 
-    thread = threading.Thread(target=send)
-    thread.start()
-    part.reset(Stream(0, "x"))
-    found, t = [], 0
-    while thread.is_alive():
-        time.sleep(0.01)
-        found += list(part.step(t, 10_000_000, {}).values())
-        t += 10_000_000
-    part.close(), made.close()
-    assert len(found) >= 15
-    for told in found:
-        fix = min(fixes.values(), key=lambda f: abs(f.heading - told.heading))
+    with first_sample(part):
+        until(made._is_met, "it is connected")
+        send(1)
+        send(2)
+    for n in range(3, 30):
+        send(n)
+        fix = fixes[n]
+        told = until(lambda fix=fix: with_heading(part, fix.t, fix.heading), "the fix")
         assert abs(told.x - fix.x) < 1e-3
         assert abs(told.y - fix.y) < 1e-3
         assert abs(told.z - fix.z) < 1e-3
         assert abs(told.speed - fix.speed) < 1e-4
         assert abs(math.sin(told.course - fix.course)) < 2e-5
-        assert abs(told.heading - fix.heading) < 2e-5
         assert (told.quality, told.satellites) == (4, 14)
+    part.close(), made.close()
 
 
-def test_sentences_that_come_late_or_broken_are_left_out_and_told():
+def with_heading(part, t, heading):
+    """The fix that comes at t [ns] of the run where it has this heading [rad]."""
+    told = part.step(t - STEP, STEP, {}).get("out")
+    return told if told is not None and abs(told.heading - heading) < 2e-5 else None
+
+
+def test_sentences_that_come_late_or_broken_are_left_out_and_told(monkeypatch):
+    port, heard = free_port(socket.SOCK_DGRAM), heard_by(monkeypatch)
+    params = Params(f"nmea+udp://127.0.0.1:{port}", antenna_m=(1.0, 0.0, 3.9), wait_s=PATIENCE_S)
+    part = DeviceSlot(params, setup("gnss", Fix, period=0.1))
+    rng, begun = np.random.default_rng(6), nmea.utc_of("2026-07-15T23:59:59.6Z")  # over midnight
+    sent = [nmea.sentences(drawn_fix(n * 100_000_000, rng), ("GGA", "VTG"), begun, 0.0) for n in range(8)]
+    broken = [b"noise\r\n", b"\xff" * 900, b"\n"]
+    stream = [sent[2], *broken, *(sent[n] for n in (4, 3, 6, 5, 7))]
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        port = free_port()
-        part = DeviceSlot(
-            Params(f"nmea+udp://127.0.0.1:{port}", antenna_m=(1.0, 0.0, 3.9)), setup("gnss", Fix, period=0.1)
-        )
-        rng, begun = np.random.default_rng(6), nmea.utc_of("2026-07-15T23:59:59.6Z")  # over midnight
-        sent = [nmea.sentences(drawn_fix(n * 100_000_000, rng), ("GGA", "VTG"), begun, 0.0) for n in range(8)]
-        order = [0, 1, 2, 4, 3, 6, 5, 7]
-        stream = [sent[n] for n in order[:3]] + [b"noise\r\n", b"\xff" * 900, b"\n"]
-        stream += [sent[n] for n in order[3:]]
-
-        def send():
-            time.sleep(0.2)
-            for piece in stream:
+        with first_sample(part):
+            for piece in sent[:2]:
                 sender.sendto(piece, ("127.0.0.1", port))
-                time.sleep(0.02)
-
-        thread = threading.Thread(target=send)
-        thread.start()
-        found = [part.reset(Stream(0, "x"))["out"]]
-        while thread.is_alive():
-            time.sleep(0.005)
-            found += part.step(len(found) * NS, NS, {}).values()
-        part.close()
+        for piece in stream:
+            sender.sendto(piece, ("127.0.0.1", port))
+        until(lambda: len(heard) == 2 + len(stream), "all has come")
+    assert part.step(0, NS, {})
+    part.close()
     notes = "\n".join(part.notes)
     assert "timeline: positions that came late and were left out (2)" in notes
     assert "damaged: lines that were no sentence (2)" in notes
@@ -271,24 +263,26 @@ def test_a_device_that_is_not_there_is_one_error():
 
 
 @pytest.fixture
-def steered():
+def steered(monkeypatch):
     """The machine's side, a socket that plays AgOpenGPS, and what to step with."""
+    heard, port = heard_by(monkeypatch), free_port(socket.SOCK_DGRAM)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as box:
         box.bind(("127.0.0.1", 0))
-        box.settimeout(2.0)
+        box.settimeout(PATIENCE_S)
         inputs = (Port("odometry", Odometry, optional=True),)
-        params = agopengps.Params("127.0.0.1:18888", f"127.0.0.1:{box.getsockname()[1]}", timeout_ms=300.0)
+        params = agopengps.Params(f"127.0.0.1:{port}", f"127.0.0.1:{box.getsockname()[1]}", timeout_ms=300.0)
         part = agopengps.AgOpenGpsSteering(params, setup("steer", SteerCommand, inputs=inputs))
         part.reset(Stream(0, "x"))
 
         def step(t, *messages):
+            heard.clear()
             for message in messages:
-                box.sendto(message, ("127.0.0.1", 18888))
-            time.sleep(0.05 if messages else 0.0)
+                box.sendto(message, ("127.0.0.1", port))
+            until(lambda: all(message in heard for message in messages), "they have come")
             seen = {"odometry": Odometry(t, 2.0, 0.0, 0.1)}
             return part.step(t, 20_000_000, seen)["command"]
 
-        yield part, step, box
+        yield part, step, box, port
         part.close()
 
 
@@ -297,7 +291,7 @@ def told_to_steer(speed_kmh, is_on, angle_deg):
 
 
 def test_pgn_254_steers_and_is_answered_by_pgn_253(steered):
-    _, step, box = steered
+    _, step, box, _ = steered
     command = step(0, told_to_steer(7.2, True, 5.0))
     assert command.is_engaged
     wheelbase = load_machine("lexion-700-class").wheelbase
@@ -314,7 +308,7 @@ def test_pgn_254_is_read_as_it_was_sent():
 
 
 def test_off_or_too_slow_or_silent_is_not_steered(steered):
-    part, step, _ = steered
+    part, step, *_ = steered
     assert step(0, told_to_steer(7.2, True, 5.0)).is_engaged
     assert not step(20_000_000, told_to_steer(7.2, False, 5.0)).is_engaged
     assert not step(40_000_000, told_to_steer(0.0, True, 5.0)).is_engaged
@@ -326,12 +320,12 @@ def test_off_or_too_slow_or_silent_is_not_steered(steered):
 
 
 def test_a_second_box_and_garbage_do_not_steer(steered):
-    part, step, _ = steered
+    part, step, _, port = steered
     assert step(0, told_to_steer(7.2, True, 5.0)).is_engaged
     wrong = bytearray(told_to_steer(7.2, True, 20.0))
     wrong[13] ^= 1
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.sendto(told_to_steer(7.2, True, 30.0), ("127.0.0.1", 18888))
+        other.sendto(told_to_steer(7.2, True, 30.0), ("127.0.0.1", port))
         command = step(20_000_000, bytes(wrong), b"", b"\x80\x81" * 700)
     assert command.curvature == pytest.approx(-math.tan(math.radians(5.0)) / 3.75, rel=0.5)
     notes = "\n".join(part.notes)
@@ -340,7 +334,7 @@ def test_a_second_box_and_garbage_do_not_steer(steered):
 
 
 def test_a_hello_is_answered(steered):
-    _, step, box = steered
+    _, step, box, _ = steered
     step(0, HELLO)
     assert hello_angle_of(box.recv(100)) == pytest.approx(-math.degrees(0.1), abs=0.005)
 

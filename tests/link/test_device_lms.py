@@ -18,8 +18,9 @@ from swath.link.device.wires import BUFFER, MOST_CLIENTS
 from swath.link.levels import agopengps
 from swath.runtime.served import bound
 from swath.signals import Scan
-from tests.link.device_rig import STEP, device, plane_scan, until
+from tests.link.device_rig import STEP, device, plane_scan
 from tests.link.independent_lms import Lms, Refused, scan_of
+from tests.waiting import PATIENCE_S, until
 
 # Telegram listing 8014631, example of sRN LMDscandata: 21 values from 10 deg on, every 0.5 deg, 50 Hz.
 EXAMPLE = (
@@ -40,7 +41,7 @@ def served():
 
 
 def client_of(made, *, binary=True):
-    return Lms("127.0.0.1", made.port, is_binary=binary, timeout_s=5)
+    return Lms("127.0.0.1", made.port, is_binary=binary)
 
 
 def refusal(client, command, *parameters):
@@ -158,13 +159,13 @@ def test_two_clients_in_two_dialects_and_one_more_than_there_is_room_for(served)
         clients = [held.enter_context(client_of(made, binary=n % 2 == 0)) for n in range(MOST_CLIENTS)]
         for client in clients:
             client.stream(is_on=True)
-        with socket.create_connection(("127.0.0.1", made.port), 5.0) as extra:
+        with socket.create_connection(("127.0.0.1", made.port), PATIENCE_S) as extra:
             assert extra.recv(10) == b""
         send(1)
         found = [client.scan() for client in clients]
     assert all(f == found[0] for f in found)
     assert any("was refused: there are 8 already" in text for _, text in made.events.list)
-    until(lambda: not made._server.has_client())
+    until(lambda: not made._server.has_client(), "all have left")
     with client_of(made) as client:
         assert client.ask("sRN SCdevicestate").number("state", "B") == 1
 

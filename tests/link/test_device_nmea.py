@@ -3,7 +3,7 @@
 import math
 import os
 import socket
-import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +13,13 @@ from hypothesis import strategies as st
 from swath.core.errors import InputError, SwathError
 from swath.core.foreign_code import allow_code
 from swath.field.maps.projection import origin_at
-from swath.link.device import nmea
+from swath.link.device import nmea, output
 from swath.link.device.output import convergence
 from swath.signals import Fix
-from tests.link.device_rig import device, drawn_fix, until
+from tests.fake_clock import FakeClock
+from tests.link.device_rig import device, drawn_fix
 from tests.link.independent_agopengps import position_of
+from tests.waiting import PATIENCE_S, until
 
 BEGUN = nmea.utc_of("2026-07-15T23:59:58Z")
 ALL = ("GGA", "VTG", "RMC", "GST", "HDT", "THS", "PANDA", "PAOGI")
@@ -256,8 +258,8 @@ def served(address):
 
 def test_tcp_serves_every_client_the_same():
     made, send = served("nmea+tcp://127.0.0.1:0?sentences=GGA,VTG&utc=2026-08-01T06:00:00Z")
-    clients = [socket.create_connection(("127.0.0.1", made.port), 2.0) for _ in range(2)]
-    until(lambda: len(made._wire._clients) == 2)
+    clients = [socket.create_connection(("127.0.0.1", made.port), PATIENCE_S) for _ in range(2)]
+    until(lambda: len(made._wire._clients) == 2, "both are served")
     clients[0].sendall(b"hello")  # what a client says does not matter
     send(1)
     heard = [client.recv(4096) for client in clients]
@@ -273,7 +275,7 @@ def test_udp_and_agopengps_send_to_one_address():
     for protocol, name in (("nmea+udp", b"$GNGGA"), ("agopengps", b"$PANDA")):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
             heard.bind(("127.0.0.1", 0))
-            heard.settimeout(2.0)
+            heard.settimeout(PATIENCE_S)
             made, send = served(f"{protocol}://127.0.0.1:{heard.getsockname()[1]}")
             send(1)
             assert heard.recv(4096).startswith(name)
@@ -323,10 +325,12 @@ def test_a_field_nowhere_on_earth_has_no_receiver():
         device("nmea+tcp://", Fix)
 
 
-def test_jitter_is_what_the_intervals_are_off():
+def test_jitter_is_what_the_intervals_are_off(monkeypatch):
+    clock = FakeClock()
+    monkeypatch.setattr(output, "time", SimpleNamespace(monotonic_ns=clock.now))
     made, _ = served("nmea+udp://127.0.0.1:9")
     for n in range(1, 4):
         made("combine.gnss", n * 10_000_000_000, {"fix": drawn_fix(n, np.random.default_rng(n))})
-        time.sleep(0.02)
-    assert 9_000.0 < made.summary()["jitter_ms"]["p50"] < 9_981.0  # 10 s of the run took 0.02 s
+        clock.sleep(20_000_000)
+    assert made.summary()["jitter_ms"]["p50"] == 9_980.0  # 10 s of the run took 0.02 s
     made.close()

@@ -20,6 +20,7 @@ from swath.sensing.scanner import Scanner, ScannerParams
 from swath.signals import Scan
 from swath.signals.scan import beam_directions
 from tests.link.device_rig import device, plane_scan
+from tests.waiting import PATIENCE_S
 
 PERIOD = 0.1
 FIRES = [-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15]  # VLP-16 manual, chapter 9
@@ -169,7 +170,7 @@ def test_loss_reordering_and_garbage_are_counted_and_the_next_turn_is_whole():
 def test_packets_go_out_over_udp_at_each_scan():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
         heard.bind(("127.0.0.1", 0))
-        heard.settimeout(2.0)
+        heard.settimeout(PATIENCE_S)
         made, rng = (
             device(f"velodyne://127.0.0.1:{heard.getsockname()[1]}", Scan, period=0.1),
             np.random.default_rng(5),

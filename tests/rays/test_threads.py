@@ -5,8 +5,7 @@ import threading
 import pytest
 
 from swath.rays.device import ThreadPool
-
-PATIENCE_S = 20.0
+from tests.waiting import PATIENCE_S, ended
 
 
 def test_a_busy_thread_is_not_waited_for():
@@ -25,8 +24,7 @@ def test_a_busy_thread_is_not_waited_for():
     pool.repeat(lambda: here.append(threading.current_thread()), 2)
     assert here == [threading.current_thread()]
     release.set()
-    caller.join(PATIENCE_S)
-    assert not caller.is_alive()
+    ended(caller)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])

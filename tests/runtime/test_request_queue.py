@@ -10,6 +10,7 @@ from swath.core.errors import SwathError
 from swath.runtime.pacing import Pacer
 from swath.runtime.run_control import RequestQueue
 from swath.scenario.sections import RealTime
+from tests.waiting import PATIENCE_S, ended
 
 
 def asked(desk, *actions):
@@ -48,12 +49,12 @@ def test_what_is_no_refusal_ends_the_run_and_a_closed_desk_turns_away():
 
     thread, replies = asked(desk, fail)
     with pytest.raises(ZeroDivisionError):
-        desk.serve(0, wait_s=10.0)
-    thread.join(10)
+        desk.serve(0, wait_s=PATIENCE_S)
+    ended(thread)
     assert replies == [(True, "oops")]
     late, refusals = asked(desk, fail)
     desk.close()
-    late.join(10)
+    ended(late)
     assert refusals == [(False, "the run is over")]
 
 

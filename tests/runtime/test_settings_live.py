@@ -2,7 +2,6 @@
 
 import math
 import threading
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -16,6 +15,7 @@ from swath.runtime.run_control import RunControl
 from swath.scenario.scenario import parse_scenario
 from swath.signals import OrganSettings
 from tests.link.fmu_scenario import TEXT
+from tests.waiting import until
 
 LONG = TEXT.replace("distance_m: 3, max_duration_s: 6", "distance_m: 40, max_duration_s: 16")
 
@@ -56,8 +56,7 @@ def test_a_setting_that_the_scenario_leaves_out_is_asked_for_from_outside(key):
     def ask(t):
         if t == 2 * NS:
             asking.start()
-            while control._requests._waiting.empty():
-                time.sleep(0.001)
+            until(lambda: not control._requests._waiting.empty(), "it is asked")
 
     def note(slot, t, outputs):
         wanted.extend(

@@ -4,9 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
+
+from tests.waiting import PATIENCE_S, until
 
 BATCH = """
 import signal, sys, swath
@@ -39,13 +40,6 @@ def members(group):
     return [int(n) for n in listed.stdout.split() if int(n) != group]
 
 
-def wait_for(condition, seconds=600.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.1)
-
-
 @pytest.mark.parametrize(
     ("which", "moment", "number"),
     [
@@ -61,15 +55,15 @@ def test_the_workers_of_a_stopped_group_say_nothing(tmp_path, which, moment, num
     driver = started(tmp_path, TEST if which == "test" else [sys.executable, "runs.py"])
     files, least = ("out/**/worker-*", 0) if which == "test" else ("out/*/run.mcap", 1)
     try:
-        wait_for(lambda: len(members(driver.pid)) >= 3)  # two workers and what counts the resources
+        until(lambda: len(members(driver.pid)) >= 3, "two workers and what counts the resources are there")
         if moment == "running":
-            wait_for(lambda: sum(f.stat().st_size >= least for f in tmp_path.glob(files)) >= 2)
+            until(lambda: sum(f.stat().st_size >= least for f in tmp_path.glob(files)) >= 2, "both work")
         os.killpg(driver.pid, number)
-        assert driver.wait(600) == (9 if which == "batch" else 128 + number)
+        assert driver.wait(PATIENCE_S) == (9 if which == "batch" else 128 + number)
         said = (tmp_path / "said").read_text()
         assert "Traceback" not in said
         assert said.splitlines()[-1] == ("up" if which == "batch" else STOPPED)
-        wait_for(lambda: not members(driver.pid))
+        until(lambda: not members(driver.pid), "all are gone")
     finally:
         if driver.poll() is None:
             os.killpg(driver.pid, signal.SIGKILL)

@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -24,6 +23,7 @@ from swath.tools.dataset.coco import (
     unpacked,
 )
 from swath.tools.dataset.dataset import make_dataset, missing, settings_of, write_overview
+from tests.waiting import until
 
 SETS = ("combine.camera={level: rays, reach_m: 14, mount: {at: axle, x_m: 2, z_m: 3, pitch_deg: 20}}",)
 SMALL = {"count": 4, "per_scene": 2, "width": 64, "height": 48, "sets": SETS}
@@ -122,8 +122,7 @@ def test_a_killed_job_goes_on_to_the_same_bytes(made, tmp_path):
     command = [sys.executable, "-m", "swath", "dataset", "straight", "--out", str(out), "--workers", "1"]
     command += ["--count", "4", "--per-scene", "2", "--width-px", "64", "--height-px", "48", "--set", SETS[0]]
     job = subprocess.Popen(command, start_new_session=True)
-    while job.poll() is None and len(list((out / "parts").glob("*.json"))) < 2:
-        time.sleep(0.05)
+    until(lambda: job.poll() is not None or len(list((out / "parts").glob("*.json"))) >= 2, "two pictures")
     if job.poll() is None:
         os.killpg(job.pid, signal.SIGKILL)
     job.wait()
