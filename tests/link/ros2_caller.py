@@ -12,6 +12,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
+from tests.waiting import PATIENCE_S
+
 
 def main(report, calls):
     rclpy.init()
@@ -19,9 +21,9 @@ def main(report, calls):
 
     def call(kind, name, request):
         client = node.create_client(kind, f"/swath/{name}")
-        assert client.wait_for_service(timeout_sec=60.0), name
+        assert client.wait_for_service(timeout_sec=PATIENCE_S), name
         future = client.call_async(request)
-        rclpy.spin_until_future_complete(node, future, timeout_sec=60.0)
+        rclpy.spin_until_future_complete(node, future, timeout_sec=PATIENCE_S)
         node.destroy_client(client)
         return future.result()
 

@@ -2,7 +2,8 @@
 
     python ros2_listener.py REPORT.json [--no-pause] TOPIC=package/Type ...
 
-Takes every message as its raw bytes until its standard input ends. Beside that a timer by ROS time, with
+Takes every message as its raw bytes. Its standard input says as JSON what the last one of each topic is: the
+SHA-256 of the bytes, and of /clock the time [ns]. Beside that a timer by ROS time, with
 use_sim_time, notes when it fires.
 """
 
@@ -11,7 +12,6 @@ import importlib
 import json
 import sys
 import threading
-import time
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -21,14 +21,16 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
+from tests.waiting import PATIENCE_S, until
+
 QUIET_S = 0.5
 
 
 def call(node, executor, kind, name, request):
     client = node.create_client(kind, name)
-    assert client.wait_for_service(timeout_sec=60.0), name
+    assert client.wait_for_service(timeout_sec=PATIENCE_S), name
     future = client.call_async(request)
-    executor.spin_until_future_complete(future, timeout_sec=60.0)
+    executor.spin_until_future_complete(future, timeout_sec=PATIENCE_S)
     return future.result()
 
 
@@ -47,29 +49,31 @@ def main(report, wanted, has_pause):
     node.create_subscription(
         Clock, "/clock", lambda m: clocks.append(m.clock.sec * 10**9 + m.clock.nanosec), 500
     )
-    end = time.monotonic() + 60.0
-    while any(node.count_publishers(topic) == 0 for topic in got) and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.05)
+
+    def spin(holds, what):
+        until(lambda: executor.spin_once(timeout_sec=0.05) or holds(), what, pause_s=0)
+
+    spin(lambda: all(node.count_publishers(topic) for topic in got), "all topics are published")
     before = 0
     if has_pause:
-        time.sleep(QUIET_S)
         node.create_timer(0.1, lambda: fired.append(node.get_clock().now().nanoseconds))
-        pause_end = time.monotonic() + QUIET_S
-        while time.monotonic() < pause_end:
-            executor.spin_once(timeout_sec=0.05)
+        quiet = threading.Event()
+        threading.Timer(QUIET_S, quiet.set).start()
+        spin(quiet.is_set, "the pause has lasted a while")
         before = len(fired)
-        for messages in got.values():
-            messages.clear()
     reply = SetBool.Response()
     if has_pause:
         reply = call(node, executor, SetBool, "/swath/pause", SetBool.Request(data=False))
-    over = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), over.set()), daemon=True).start()
-    while not over.is_set():
-        executor.spin_once(timeout_sec=0.05)
-    late = time.monotonic() + 0.5
-    while time.monotonic() < late:
-        executor.spin_once(timeout_sec=0.05)
+    last = []
+    threading.Thread(target=lambda: last.append(json.load(sys.stdin)), daemon=True).start()
+    spin(lambda: last, "the run is over")
+
+    def have_come():
+        newest = {topic: hashlib.sha256(m[-1]).hexdigest() for topic, m in got.items() if m}
+        newest["/clock"] = clocks[-1] if clocks else None
+        return all(newest.get(topic) == wanted for topic, wanted in last[0].items())
+
+    spin(have_come, "the last message of each topic")
     found = {
         "reply": reply.message,
         "clock": clocks,

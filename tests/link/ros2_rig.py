@@ -1,5 +1,6 @@
 """What the ROS 2 tests share: is rclpy there, a domain of their own, processes written only with rclpy."""
 
+import hashlib
 import importlib.util
 import itertools
 import os
@@ -10,6 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
+
+from swath.runtime.hooks import RunHook
+from tests.waiting import PATIENCE_S, until
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parents[1] / "examples" / "ros2"
@@ -55,8 +60,46 @@ def domain(monkeypatch):
 def start(*command, also=None, **options):
     """A process of this Python that starts as from a shell; also: environment variables to set for it."""
     environment = {k: v for k, v in os.environ.items() if k not in LEAKS} | (also or {})
+    environment["PYTHONPATH"] = os.pathsep.join((str(HERE.parents[1]), environment.get("PYTHONPATH", "")))
     texts = [str(part) for part in command]
     return subprocess.Popen([sys.executable, *texts], env=environment, text=True, **options)
+
+
+class Heard(RunHook):
+    """Each tick of a run waits until topics of a bridge have a listener. Stands behind the bridge."""
+
+    def __init__(self, bridge, topics):
+        self.bridge, self.topics = bridge, {*topics, "/clock"}
+
+    def begin(self, run):
+        run.world.graph.before_tick.append(lambda t: until(self.is_heard, "all topics have a listener"))
+
+    def is_heard(self):
+        return are_heard(self.bridge._node, self.topics)
+
+
+def are_heard(node, topics):
+    """Whether all of some topics, which a node publishes, have a listener."""
+    counts = {p.topic_name: p.get_subscription_count() for p in node.publishers}
+    return all(counts.get(topic) for topic in topics)
+
+
+def all_taken(node):
+    """Wait until listeners have all that a node has published."""
+    from rclpy.duration import Duration
+
+    for publisher in node.publishers:
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_S)), publisher.topic_name
+
+
+def hashes_of(folder, topic):
+    """SHA-256 of messages as they travel, a multiple of 4 bytes long: of those of time 0, of those after."""
+    with (folder / "run.mcap").open("rb") as file:
+        messages = [(m.log_time, m.data) for _, _, m in make_reader(file).iter_messages(topics=[topic])]
+    found = [], []
+    for t, data in messages:
+        found[t > 0].append(hashlib.sha256(bytes(data) + bytes(-len(data) % 4)).hexdigest())
+    return found
 
 
 @contextmanager

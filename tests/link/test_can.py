@@ -4,7 +4,6 @@ import logging
 import struct
 import sys
 import threading
-import time
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -24,6 +23,7 @@ from swath.link.can.codec import Codec
 from swath.link.can.steering import BoxError, CanSteering, Params
 from swath.signals import CropEdge, GroundSpeed, Odometry
 from tests.link.can_rig import MS, NS, own_bus, setup, way
+from tests.waiting import PATIENCE_S, ended, until
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
 
@@ -66,9 +66,7 @@ def test_a_stack_of_somebody_else_receives_what_we_send():
         node.claim()
         node.send(guidance.WHEEL, guidance.speed_values("Wheel", 1.944, 12.3456))
         node.send(guidance.STATUS, {"EstimatedCurvature": -12.25, "SteeringSystemReadiness": 1})
-        until = time.monotonic() + 10.0
-        while len(heard) < 2 and time.monotonic() < until:
-            time.sleep(0.01)
+        until(lambda: len(heard) >= 2, "both are heard")
     finally:
         node.close()
         ecu.disconnect()
@@ -221,7 +219,7 @@ def test_a_node_leaves_out_its_own_frames_and_those_for_others_and_tells_who_it_
         assert other.receive().source == 240
         node.request_claims()
         assert other.receive() is None
-        claim = node.receive(1.0)
+        claim = node.receive(PATIENCE_S)
         assert (claim.name, claim.source, claim.values["device_class"]) == (CLAIM, 28, 0.0)
     finally:
         for each in (node, other, twin):
@@ -311,7 +309,7 @@ def answering(node):
         yield
     finally:
         done.set()
-        thread.join()
+        ended(thread)
 
 
 def test_the_machine_tells_everything_and_the_key_switch_last():

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import load_scenario
 from tests.link.device_rig import free_port
 from tests.link.independent_lms import Deviation, Lms
+from tests.waiting import PATIENCE_S, ended, until
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "devices"
 BEND = ["field.edge.run_in_m=10", "run.distance_m=20"]  # a run is judged from 10 m on
@@ -30,13 +30,13 @@ def closed(flags, sets):
     """The run with `my_box.py` in a process of its own: its summary, and what the box printed."""
     scanner = free_port()
     box = [sys.executable, str(EXAMPLES / "my_box.py"), "--scanner", f"127.0.0.1:{scanner}", *flags]
-    device = f"combine.lidar.device=lms://127.0.0.1:{scanner}?wait_s=60"
+    device = f"combine.lidar.device=lms://127.0.0.1:{scanner}?wait_s=300"
     sets = [*BEND, "realtime.spin_ms=0", device, *sets]
     env = {**os.environ, "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(box, stdout=subprocess.PIPE, text=True, env=env) as process:
         try:
             summary = run_unrecorded(load_scenario(EXAMPLES / "wire.yaml", sets=sets))
-            said = process.communicate(timeout=600)[0]
+            said = process.communicate(timeout=PATIENCE_S)[0]
         finally:
             process.kill()
     return summary, said
@@ -137,16 +137,46 @@ def test_a_device_changes_no_result_and_the_port_is_free_again():
 
 def test_one_run_s_scanner_is_another_s_sensor():
     """Level `device` fed by a slot that is served: the scans arrive, and the run of the other goes on."""
+    over = threading.Event()
+
+    class Over(Exception):
+        pass
+
+    class Lasts(RunHook):
+        """The feeding run lasts as long as the fed one."""
+
+        def begin(self, run):
+            run.world.graph.before_tick.append(self.look)
+
+        def look(self, t):
+            if over.is_set():
+                raise Over
+
+    class Follows(RunHook):
+        """Each period of the fed run waits for a scan."""
+
+        def begin(self, run):
+            part = run.world.leader.parts["lidar"]
+            run.world.graph.before_tick.append(
+                lambda t: t % 40_000_000 or until(lambda: part._reader._pieces, "a scan")
+            )
+
     address = f"lms://127.0.0.1:{free_port()}"
     paced, level = "realtime.pace=real_time", "combine.lidar.level=empirical"
-    feeding = [paced, level, "run.distance_m=6", f"combine.lidar.device={address}?wait_s=60"]
+    feeding = [paced, level, "run.distance_m=60", f"combine.lidar.device={address}?wait_s=300"]
     fed = [paced, "run.distance_m=2"]
-    fed += [f"combine.lidar={{level: device, address: '{address}', mount: {{}}, wait_s: 60}}"]
+    fed += [f"combine.lidar={{level: device, address: '{address}', mount: {{}}, wait_s: 300}}"]
     scenarios = [load_scenario("straight", sets=sets) for sets in (feeding, fed)]
-    thread = threading.Thread(target=run_unrecorded, args=scenarios[:1])
+
+    def feed():
+        with suppress(Over):
+            run_unrecorded(scenarios[0], hooks=[Lasts()])
+
+    thread = threading.Thread(target=feed)
     thread.start()
-    notes = "\n".join(run_unrecorded(scenarios[1])["notes"])
-    thread.join(60)
+    notes = "\n".join(run_unrecorded(scenarios[1], hooks=[Follows()])["notes"])
+    over.set()
+    ended(thread)
     count = int(re.search(r"lidar: (\d+) samples from lms", notes).group(1))
     assert count >= 25
 
@@ -176,12 +206,12 @@ def test_a_client_hears_the_scans_that_the_recording_gets(tmp_path):
 
     sets = [
         "realtime.pace=real_time", "run.distance_m=2", "combine.lidar.level=empirical",
-        f"combine.lidar.device=lms://127.0.0.1:{port}?wait_s=30",
+        f"combine.lidar.device=lms://127.0.0.1:{port}?wait_s=300",
     ]  # fmt: skip
     thread, watch = threading.Thread(target=listen), Watch()
     thread.start()
     run_job(load_scenario("straight", sets=sets), tmp_path / "run", hooks=[watch])
-    thread.join(10)
+    ended(thread)
     assert len(heard) >= 20
     for told in heard:
         scan, dist = watch.scans[told.sent * 1000], told.channels16["DIST1"]
@@ -194,9 +224,9 @@ def test_a_client_hears_the_scans_that_the_recording_gets(tmp_path):
 
 def connected(port):
     """A client, once there is a sensor."""
-    end = time.monotonic() + 30.0
-    while time.monotonic() < end:
+
+    def client():
         with suppress(ConnectionRefusedError):
             return Lms("127.0.0.1", port, is_binary=True)
-        time.sleep(0.05)
-    raise AssertionError("there is no sensor")
+
+    return until(client, "there is a sensor")

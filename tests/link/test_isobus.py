@@ -3,7 +3,6 @@
 import json
 import logging
 import struct
-import time
 from types import SimpleNamespace
 
 import cantools
@@ -23,6 +22,7 @@ from swath.runtime.job import run_unrecorded
 from swath.runtime.loop import drive
 from swath.scenario.scenario import load_scenario
 from tests.link.can_rig import own_bus
+from tests.waiting import until
 
 QUICK = ["combine.lidar=off", "combine.edge=truth", "run.max_duration_s=60"]
 CONTROLLER = 247
@@ -36,6 +36,7 @@ class Controller:
     def __init__(self, where, script=(), refuse=()):
         logging.getLogger("j1939").setLevel(logging.CRITICAL)
         self.ecu = other_stack.ElectronicControlUnit()
+        self.ecu._listeners.append(self._count)  # the last to be told of a frame
         self.ecu.connect(interface="virtual", channel=where.channel)
         name = other_stack.Name(function=130, industry_group=2, identity_number=9)
         self.app = other_stack.ControllerApplication(name, CONTROLLER, bypass_address_claim=True)
@@ -43,12 +44,28 @@ class Controller:
         self.app.subscribe(self._hear)
         self.script, self.refuse = script, dict(refuse)
         self.heard, self.pool, self.values, self.masters = [], None, [], []
+        self.frame_count = self.status_count = 0
         self.ecu.subscribe(self._all)
         self.ecu.add_timer(0.02, self._status)
 
     def _status(self, cookie):
         self.app.send_pgn(0, 0xCB, 0xFF, 3, [0xFE, 0xFF, 0xFF, 0xFF, 1, 0, 0, 0])
+        self.status_count += 1
         return True
+
+    def _count(self, frame):
+        self.frame_count += 1
+
+    def follow(self, hook, graph):
+        """Each tick waits until all frames before it are dealt with, each second for a status."""
+
+        def wait(t):
+            until(lambda: self.frame_count >= hook.count, "the controller has dealt with all frames")
+            before = self.status_count
+            if t % NS == 0:
+                until(lambda: self.status_count > before, "the controller's status")
+
+        graph.before_tick.append(wait)
 
     def _all(self, priority, pgn, source, at, data):
         if pgn == 0xFE0D:
@@ -149,11 +166,9 @@ def test_the_description_is_whole_and_every_reference_leads_somewhere():
     assert object_pool(DATA, name, "combine", 12000, 5900) == object_pool(DATA, name, "combine", 12000, 5900)
 
 
-def driven(hook, seconds, slow_s=0.0, sets=()):
-    """The bundled scenario feed-rate with the hook, each tick of it so slow. (samples of the engine,
-    world)
-    """
-    world = assemble(load_scenario("feed-rate", sets=[*QUICK, *sets]))
+def driven(hook, seconds, controller=None):
+    """The bundled scenario feed-rate with the hook, which a controller follows. (samples, summary)"""
+    world = assemble(load_scenario("feed-rate", sets=QUICK))
     seen = {}
 
     def note(slot, t, outputs):
@@ -162,7 +177,8 @@ def driven(hook, seconds, slow_s=0.0, sets=()):
 
     observers = []
     hook.begin(SimpleNamespace(world=world, observers=observers))
-    world.graph.before_tick.append(lambda t: time.sleep(slow_s))
+    if controller is not None:
+        controller.follow(hook, world.graph)
     drive(world, [*observers, note], until_s=seconds)
     summary = hook.summarize(world.graph.t)
     hook.close()
@@ -176,7 +192,7 @@ def test_a_terminal_reads_engine_speeds_and_header_with_cantools():
     listener = open_bus(where)
     hook = IsobusMachine(where)
     seen, summary = driven(hook, 6.0)
-    while (frame := listener.recv(0.05)) is not None:
+    while (frame := listener.recv(0.0)) is not None:
         frames.append(frame)
     listener.shutdown()
     database = cantools.database.load_file(str(dbc_file()))
@@ -226,10 +242,8 @@ def test_a_task_controller_gets_the_description_and_the_values_it_asks_for():
     controller = Controller(where, script)
     try:
         hook = IsobusMachine(where)
-        seen, summary = driven(hook, 16.0, slow_s=0.002)
-        until = time.monotonic() + 5.0
-        while 0x81 not in controller.heard[-3:] and time.monotonic() < until:
-            time.sleep(0.02)
+        seen, summary = driven(hook, 16.0, controller)
+        until(lambda: controller.frame_count >= summary["isobus"]["frames"] + 2, "the last is dealt with")
     finally:
         controller.close()
     assert summary["isobus"]["task_controller"] == [
@@ -264,7 +278,7 @@ def test_a_task_controller_that_refuses_is_told_and_the_run_goes_on():
     where = own_bus()
     controller = Controller(where, refuse=[(0x61, 3)])
     try:
-        _, summary = driven(IsobusMachine(where), 4.0, slow_s=0.002)
+        _, summary = driven(IsobusMachine(where), 4.0, controller)
     finally:
         controller.close()
     (told,) = summary["isobus"]["task_controller"]
@@ -384,7 +398,7 @@ def test_a_run_on_the_command_line_has_the_machine_on_the_bus(tmp_path):
         ]
     ) in (0, 1)
     frames = 0
-    while listener.recv(0.05) is not None:
+    while listener.recv(0.0) is not None:
         frames += 1
     listener.shutdown()
     summary = json.loads((out / "summary.json").read_text())
@@ -418,7 +432,7 @@ def with_organs(script, seconds=9.0, say=()):
     observers, changes, hook = [], Interventions(world), IsobusMachine(where)
     try:
         hook.begin(SimpleNamespace(world=world, observers=observers, changes=changes))
-        world.graph.before_tick.append(lambda t: time.sleep(0.002))
+        controller.follow(hook, world.graph)
         drive(world, observers, until_s=2.0)
         for name, values in say:
             box.send(name, values)

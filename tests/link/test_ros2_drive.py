@@ -3,7 +3,6 @@
 import math
 import runpy
 import sys
-import time
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import ClassVar
@@ -17,6 +16,7 @@ from swath.link.ros2.slotnode import NodeSilent
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import find_scenario, load_scenario, parse_scenario
 from tests.link.ros2_rig import EXAMPLES, HERE, domain, needs_ros2, node  # noqa: F401
+from tests.waiting import until
 
 TEXT = """
 format: swath scenario 2
@@ -30,8 +30,8 @@ machines:
     edge: off
     {slots}
 """
-BOTH = """speed: {{level: twist, stamped: {0}, hold_s: 1.0}}
-    steer: {{level: twist, stamped: {0}, hold_s: 1.0}}"""
+BOTH = """speed: {{level: twist, stamped: {0}, hold_s: 1.0, start_timeout_s: 300}}
+    steer: {{level: twist, stamped: {0}, hold_s: 1.0, start_timeout_s: 300}}"""
 
 
 def twist(speed, yaw_rate):
@@ -61,13 +61,16 @@ class TestDriven:
             world = assemble(parse_scenario(TEXT.format(slots=slots)))
             world.graph.reset()
         try:
-            time.sleep(0.2)  # what the node had sent before its end arrives
             world.graph.run(900_000_000)
             command = world.graph.latest("combine.steer", "command")
             assert (command.curvature, command.is_engaged) == (pytest.approx(0.1 / 1.5), True)
             assert world.graph.latest("combine.speed", "command").speed == 1.5
-            world.graph.run(5_000_000_000)
-            assert world.graph.latest("combine.speed", "command").speed == 0.0
+
+            def stands():  # what the node had sent before its end may arrive late
+                world.graph.run(world.graph.t + 1_000_000_000)
+                return world.graph.latest("combine.speed", "command").speed == 0.0
+
+            until(stands, "the machine stops")
             assert not world.graph.latest("combine.steer", "command").is_engaged
         finally:
             world.close()

@@ -51,11 +51,11 @@ from rcl_interfaces.srv import SetParameters
 rclpy.init(args=[])
 node = rclpy.create_node("stranger")
 client = node.create_client(SetParameters, "/swath/set_parameters")
-assert client.wait_for_service(30.0)
+assert client.wait_for_service(300.0)
 value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=sys.argv[1])
 request = SetParameters.Request(parameters=[Parameter(name="combine.edge.level", value=value)])
 future = client.call_async(request)
-rclpy.spin_until_future_complete(node, future, timeout_sec=30.0)
+rclpy.spin_until_future_complete(node, future, timeout_sec=300.0)
 print(future.result().results[0].successful, future.result().results[0].reason)
 """
 

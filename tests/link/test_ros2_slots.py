@@ -2,7 +2,6 @@
 
 import json
 import re
-import time
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from swath.signals import CropEdge, Scan, SteerCommand
 from swath.signals.setup import ControlSetup, LinkSetup
 from tests.fake_run import GEOMETRY, MOUNTING
 from tests.link.ros2_rig import HERE, domain, needs_ros2, node  # noqa: F401
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = [*needs_ros2, pytest.mark.usefixtures("domain")]
 
@@ -35,6 +35,7 @@ machines:
     edge: truth
     {part}
 """
+PATIENT = f"{{level: ros2, timeout_s: {PATIENCE_S}, start_timeout_s: {PATIENCE_S}}}"
 MASSES = ("tank_grain", "lost_grain", "dropped_straw", "held_grain", "held_straw", "grain_flow", "straw_flow")
 LOAD = {f"load.{name}": 0.25 * i for i, name in enumerate(MASSES)}
 STEER = {"command.curvature": 1 / 64, "command.is_engaged": 1}
@@ -50,7 +51,7 @@ def fixed(slot, *numbers, name="fixed"):
 
 def test_a_node_plays_the_process(tmp_path):
     with fixed("process", LOAD):
-        world = assemble(scenario("process: ros2"))
+        world = assemble(scenario(f"process: {PATIENT}"))
         try:
             world.graph.reset()
             world.graph.run(1_000_000_000)
@@ -64,7 +65,7 @@ def test_a_node_plays_the_process(tmp_path):
 def test_a_node_plays_the_scanner(tmp_path):
     with node(HERE / "ros2_scan_node.py"):
         scanned = parse_scenario(
-            TEXT.replace("lidar: off", "lidar: ros2").format(part="steer: preview", seconds=1),
+            TEXT.replace("lidar: off", f"lidar: {{{PATIENT}}}").format(part="steer: preview", seconds=1),
             sets=["run.record=full"],
         )
         found = run_job(scanned, tmp_path / "run").summary
@@ -81,7 +82,7 @@ def test_a_node_plays_the_scanner(tmp_path):
 def test_a_free_node_answers_when_it_can_and_the_run_says_so(tmp_path):
     with fixed("steer", STEER):
         found = run_job(
-            scenario("steer: {level: ros2, mode: free}\nrealtime: {on_overrun: slip}", 1.0),
+            scenario("steer: {level: ros2, mode: free, start_timeout_s: 300}\nrealtime: {on_overrun: slip}"),
             tmp_path / "run",
         ).summary
     assert found["simulated_s"] == 1.0
@@ -99,7 +100,8 @@ def steer():
     inputs = (Port("edge", CropEdge, optional=True),)
     control = ControlSetup(GEOMETRY, {"scan": MOUNTING}, "left", 0.02)
     outputs = (Port("command", SteerCommand),)
-    made = Ros2Slot(Params(), LinkSetup("combine", "steer", inputs, outputs, control, Path()))
+    patient = Params(timeout_s=PATIENCE_S, start_timeout_s=PATIENCE_S)
+    made = Ros2Slot(patient, LinkSetup("combine", "steer", inputs, outputs, control, Path()))
     yield made
     made.close()
 
@@ -139,9 +141,7 @@ def test_a_scan_carries_the_frame_of_its_own_sensor():
     executor.add_node(listener)
     beams, echoes = np.zeros(3), np.ones((3, 1), np.float32)
     slot.ask(0, 0, {"scan": Scan(0, beams, beams, beams, echoes, echoes)})
-    end = time.monotonic() + 30.0
-    while not frames and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.1)
+    until(lambda: executor.spin_once(timeout_sec=0.1) or frames, "the scan")
     executor.shutdown()
     close_node(listener)
     slot.close()
@@ -150,9 +150,8 @@ def test_a_scan_carries_the_frame_of_its_own_sensor():
 
 def test_two_nodes_that_would_answer_are_refused(steer):
     with fixed("steer", STEER, name="one"), fixed("steer", STEER, name="other"):
-        end, ours = time.monotonic() + 60.0, steer._node
-        while ours._node.count_publishers(ours.answer_topic) < 2 and time.monotonic() < end:
-            time.sleep(0.01)
+        ours = steer._node
+        until(lambda: ours._node.count_publishers(ours.answer_topic) == 2, "both are found")
         with pytest.raises(SwathError, match=r"expected one node .* there are /one, /other"):
             steer.reset(Stream(1, "combine.steer"))
 

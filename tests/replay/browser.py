@@ -7,9 +7,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
+
+from tests.waiting import PATIENCE_S, until
 
 CHROMIUM = next(
     (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
@@ -35,10 +36,10 @@ class NoBrowser(Exception):
 class Browser:
     """One page. told: lines of its console and its errors; requests: addresses that it asked for.
 
-    limit_s: an answer that takes longer is a `NoBrowser`; a computer that does other things draws slowly
+    limit_s: of silence, after which it is a `NoBrowser`; a computer that does other things draws slowly
     """
 
-    def __init__(self, size: tuple[int, int] = (640, 480), limit_s: float = 60.0) -> None:
+    def __init__(self, size: tuple[int, int] = (640, 480), limit_s: float = PATIENCE_S) -> None:
         if CHROMIUM is None:
             raise NoBrowser("no Chromium on this computer")
         self.limit_s = limit_s
@@ -92,11 +93,7 @@ class Browser:
     ) -> None:
         """Open a file or an address and wait until an expression in it is true."""
         self._ask("Page.navigate", url=page if isinstance(page, str) else f"file://{page}#{place}")
-        end = time.monotonic() + self.limit_s
-        while not self.ask(f"Boolean({ready})"):
-            if time.monotonic() > end:
-                raise NoBrowser(f"the page was not ready in {self.limit_s:g} s: {self.told}")
-            time.sleep(0.05)
+        until(lambda: self.ask(f"Boolean({ready})"), f"{page} is ready")
 
     def ask(self, script: str) -> Any:
         """The value of an expression, or of the promise that it is."""
@@ -117,18 +114,17 @@ class Browser:
         if self._session:
             message["sessionId"] = self._session
         os.write(self._out, json.dumps(message).encode() + b"\0")
-        end = time.monotonic() + self.limit_s
         while True:
-            reply = self._read(end)
+            reply = self._read()
             if reply.get("id") == self._count:
                 if "error" in reply:
                     raise AssertionError(f"{method}: {reply['error']}")
                 return reply["result"]
             self._note(reply)
 
-    def _read(self, end: float) -> Any:
+    def _read(self) -> Any:
         while b"\0" not in self._rest:
-            if not select.select([self._in], [], [], max(0.0, end - time.monotonic()))[0]:
+            if not select.select([self._in], [], [], self.limit_s)[0]:
                 raise NoBrowser(f"Chromium did not answer in {self.limit_s:g} s")
             data = os.read(self._in, 1 << 20)
             if not data:

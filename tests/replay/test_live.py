@@ -7,9 +7,9 @@ import json
 import socket
 import sys
 import threading
-import time
 import urllib.error
 import urllib.request
+from functools import partial
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("websockets")
 
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
+from websockets.sync.client import connect as open_socket
 
 from swath.commands.main import main
 from swath.core.errors import InputError
@@ -32,7 +32,9 @@ from swath.runtime.served import MOST, Server, bound
 from swath.scenario.scenario import parse_scenario
 from swath.signals import ScanTruth
 from tests.replay.browser import Browser, NoBrowser
+from tests.waiting import PATIENCE_S, ended, until
 
+connect = partial(open_socket, open_timeout=PATIENCE_S)
 TEXT = """
 format: swath scenario 2
 name: watched
@@ -109,12 +111,12 @@ class Watcher:
         number = self._count
         self.socket.send(json.dumps({"id": number, "do": do, **more}))
         with self._came:
-            assert self._came.wait_for(lambda: number in self.answers, 60)
+            assert self._came.wait_for(lambda: number in self.answers, PATIENCE_S)
         return self.answers[number]["ok"], self.answers[number]["text"]
 
     def close(self):
         self._open.close()
-        self._thread.join(10)
+        ended(self._thread)
 
 
 class Going:
@@ -137,7 +139,7 @@ class Going:
             self.view.close()
 
     def end(self):
-        self._thread.join(120)
+        ended(self._thread)
         assert self.error is None
         return self.summary
 
@@ -149,11 +151,15 @@ def alone(tmp_path_factory):
 
 
 class Scans(RunHook):
-    """Keeps what the scanner really hit, by time."""
+    """Keeps what the scanner really hit, by time. view: whose viewers have to keep up with the run."""
 
     def begin(self, run):
-        self.truths = {}
+        self.truths, self.view = {}, None
         run.observers.append(self._see)
+        run.world.graph.before_tick.append(lambda t: until(self._keep_up, "viewers take a frame"))
+
+    def _keep_up(self):
+        return self.view is None or all(viewer.is_free for viewer in self.view._viewers)
 
     def _see(self, slot, t, outputs):
         for signal in outputs.values():
@@ -167,12 +173,13 @@ def watched(tmp_path_factory):
     kept = Scans()
     going = Going(tmp_path_factory.mktemp("runs") / "watched", keep=[kept])
     first, second = Watcher(going.view), Watcher(going.view)
-    with urllib.request.urlopen(going.view.address, timeout=600) as answer:
+    with urllib.request.urlopen(going.view.address, timeout=PATIENCE_S) as answer:
         page = answer.read()
-    assert first.is_there.wait(60)
-    assert second.is_there.wait(60)
+    assert first.is_there.wait(PATIENCE_S)
+    assert second.is_there.wait(PATIENCE_S)
+    kept.view, before = going.view, len(second.frames)
     assert first.ask("pause", value=False)[0]
-    time.sleep(0.2)
+    until(lambda: len(second.frames) > before, "a frame of the run")
     second.socket.socket.shutdown(socket.SHUT_RDWR)  # as a browser that is killed
     summary = going.end()
     first.close()
@@ -255,7 +262,7 @@ def test_changes_are_events_that_give_the_same_run_again(alone, tmp_path):
     assert page.ask("set", key="combine.edge.level", value="otsu") == (True, "")
     assert [e["set"] for e in page.states[-1]["events"]][-1] == "combine.edge.level"
     assert {thing["name"] for thing in page.states[-1]["things"]} >= {"obstacles.stone", "obstacles.man"}
-    assert next(iter(decoded(page.frames[-1])[0]["ways"])) == "obstacles.man"
+    until(lambda: "obstacles.man" in decoded(page.frames[-1])[0].get("ways", ()), "he is shown")
     assert going.control.set_speed(50.0)[0]  # by another than the page, as over ROS 2
     assert page.ask("pause", value=False)[0]
     told = [(s["paused"], s["speed"]) for s in page.states]
@@ -289,7 +296,7 @@ STRANGE = [
 def test_no_message_closes_the_page_or_ends_the_run(tmp_path):
     going = Going(tmp_path / "run")
     page = Watcher(going.view)
-    assert page.is_there.wait(60)
+    assert page.is_there.wait(PATIENCE_S)
     for message in STRANGE:
         page.socket.send(message)
     assert page.ask("step")[0]
@@ -314,7 +321,7 @@ def test_no_one_else_comes_in(tmp_path):
             (view.address, {"Host": "else.example"}),
         ):
             with pytest.raises(urllib.error.HTTPError) as error:
-                urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=600)
+                urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=PATIENCE_S)
             error.value.close()
             assert error.value.code == 403
         assert view._server._server.socket.getsockname()[0] == "127.0.0.1"
@@ -367,7 +374,7 @@ def test_idle_connections_take_no_more_than_their_places_and_end_nothing():
     threads = threading.active_count()
     idle = []
     try:
-        idle += [socket.create_connection(("127.0.0.1", server.port), timeout=5) for _ in range(300)]
+        idle += [socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE_S) for _ in range(300)]
         for connection in idle[MOST:]:
             with contextlib.suppress(ConnectionResetError):
                 assert connection.recv(1) == b""
@@ -375,13 +382,12 @@ def test_idle_connections_take_no_more_than_their_places_and_end_nothing():
     finally:
         for connection in idle:
             connection.close()
-    end = time.monotonic() + 20
-    while time.monotonic() < end:
-        with contextlib.suppress(OSError), urllib.request.urlopen(server.address, timeout=5) as answer:
-            assert answer.read() == b"page"
-            break
-    else:
-        pytest.fail("nobody is served any more")
+
+    def served():
+        with contextlib.suppress(OSError):
+            return urllib.request.urlopen(server.address, timeout=PATIENCE_S).read()
+
+    assert until(served, "somebody is served") == b"page"
     server.close()
     assert not server._thread.is_alive()
 
@@ -396,7 +402,7 @@ def test_where_no_file_is_left_the_next_connection_waits(monkeypatch):
         return real(self)
 
     monkeypatch.setattr(socket.socket, "accept", accept)
-    with listener, socket.create_connection(listener.getsockname(), timeout=5):
+    with listener, socket.create_connection(listener.getsockname(), timeout=PATIENCE_S):
         taken, _ = listener.accept()
         taken.close()
     assert not faults

@@ -14,6 +14,7 @@ from swath.runtime.run_control import RunControl
 from swath.runtime.saves import Saves
 from swath.scenario.scenario import parse_scenario
 from tests.replay.test_live import TEXT, Watcher
+from tests.waiting import PATIENCE_S, ended, until
 
 
 class Going:
@@ -36,7 +37,7 @@ class Going:
 
     def end(self):
         self.control.pause(False)
-        self._thread.join(120)
+        ended(self._thread)
         assert self.error is None
         return self.made
 
@@ -44,10 +45,10 @@ class Going:
 def test_back_another_parameter_and_on(tmp_path):
     going = Going(tmp_path / "run", Saves(0.4))
     page = Watcher(going.view)
-    assert page.is_there.wait(60)
+    assert page.is_there.wait(PATIENCE_S)
     assert page.ask("set", key="combine.edge.level", value="otsu")[0]
     assert going.control.step(2.0)[0]
-    assert page.states[-1]["no_way_back"] == ""
+    until(lambda: page.states[-1]["no_way_back"] == "", "the page knows of a way back")
     change = {"key": "combine.speed.speed_kmh", "value": "4"}
     ok, text = page.ask("branch", at_s=9.0, **change)
     assert (ok, "expected a time of the run, above 0 and up to 2" in text) == (False, True)
@@ -57,7 +58,7 @@ def test_back_another_parameter_and_on(tmp_path):
     ok, text = page.ask("branch", at_s=1.5, **change)
     assert (ok, text) == (True, f"goes on from 1.5 s in {tmp_path / 'run-branch'}")
     second = Watcher(going.view)  # the page that was told to load again
-    assert second.is_there.wait(60)
+    assert second.is_there.wait(PATIENCE_S)
     assert going.control.step() == (True, "at 1.5 s")  # paused again where it goes on
     made = going.end()
     assert len(page.frames) >= shown
@@ -75,7 +76,7 @@ def test_back_another_parameter_and_on(tmp_path):
 def test_without_saves_the_page_says_why_there_is_no_way_back(tmp_path):
     going = Going(tmp_path / "run")
     page = Watcher(going.view)
-    assert page.is_there.wait(60)
+    assert page.is_there.wait(PATIENCE_S)
     assert going.control.step(0.1)[0]
     ok, text = page.ask("branch", at_s=0.05, key="combine.speed.speed_kmh", value="4")
     assert (ok, text) == (False, page.states[-1]["no_way_back"])
