@@ -3,9 +3,11 @@
 import gc
 import json
 import os
+import re
 import signal
 import socket
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -29,6 +31,7 @@ settings.register_profile("same", derandomize=True, deadline=None, suppress_heal
 settings.register_profile("search", print_blob=True, deadline=None, suppress_health_check=SLOW)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
+ROOT = Path(__file__).parents[1]
 LONGEST = (  # what asks the clock comes when CI has built its packages
     "tests/test_tutorials.py", "tests/fleet/", "tests/test_docs_typed.py",
     "tests/test_site.py", "tests/whole/", "tests/link/", "tests/tools/", "tests/fuzz/", "tests/machine/",
@@ -81,8 +84,28 @@ def pytest_sessionfinish(session):
         file.write_text(json.dumps(found) + "\n")
 
 
+WAITS = re.compile(
+    r"^\s*(from|import) (threading|multiprocessing|concurrent|socket|signal)\b"
+    r"|\bPopen\b|\bos\.kill|\btests\.waiting\b",
+    re.MULTILINE,
+)
+HELPERS = re.compile(r"^from ((?:tests|benchmarks)\.[\w.]+) import", re.MULTILINE)
+
+
+@cache
+def waits(file):
+    """Whether a test file, or a module beside it that it imports, has to do with threads or processes."""
+    text = file.read_text(encoding="utf-8")
+    helpers = (ROOT / f"{name.replace('.', '/')}.py" for name in HELPERS.findall(text))
+    texts = (text, *(helper.read_text(encoding="utf-8") for helper in helpers if helper.is_file()))
+    return any(map(WAITS.search, texts))
+
+
 def pytest_collection_modifyitems(items):
-    """Files that take longest come first, so that no worker is left with one of them at the end."""
+    """Mark tests that wait. Files that take longest come first: no worker is left with one at the end."""
+    for item in items:
+        if waits(item.path):
+            item.add_marker("waits")
     ranks = {name: rank for rank, name in enumerate(LONGEST)}
     items.sort(key=lambda i: next((r for n, r in ranks.items() if i.nodeid.startswith(n)), len(ranks)))
 
