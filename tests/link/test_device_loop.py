@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 import threading
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from swath.core.foreign_code import allow_code
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job, run_unrecorded
 from swath.scenario.scenario import load_scenario
-from tests.link.device_rig import free_port
+from tests.link.device_rig import free_port, heard_by
 from tests.link.independent_lms import Deviation, Lms
 from tests.waiting import PATIENCE_S, ended, until
 
@@ -26,7 +26,21 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "devices"
 BEND = ["field.edge.run_in_m=10", "run.distance_m=20"]  # a run is judged from 10 m on
 
 
-def closed(flags, sets):
+class Follows(RunHook):
+    """Each tick of a run waits until the box has answered all scans before it. heard: its answers."""
+
+    def __init__(self, heard):
+        self.heard = heard
+
+    def begin(self, run):
+        (self.device,) = run.world.devices
+        run.world.graph.before_tick.append(lambda t: until(self.is_answered, "the box has answered"))
+
+    def is_answered(self):
+        return len(self.heard) >= self.device.sent_count
+
+
+def closed(flags, sets, heard):
     """The run with `my_box.py` in a process of its own: its summary, and what the box printed."""
     scanner = free_port()
     box = [sys.executable, str(EXAMPLES / "my_box.py"), "--scanner", f"127.0.0.1:{scanner}", *flags]
@@ -35,7 +49,7 @@ def closed(flags, sets):
     env = {**os.environ, "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(box, stdout=subprocess.PIPE, text=True, env=env) as process:
         try:
-            summary = run_unrecorded(load_scenario(EXAMPLES / "wire.yaml", sets=sets))
+            summary = run_unrecorded(load_scenario(EXAMPLES / "wire.yaml", sets=sets), hooks=[Follows(heard)])
             said = process.communicate(timeout=PATIENCE_S)[0]
         finally:
             process.kill()
@@ -48,31 +62,36 @@ def in_memory():
         return run_unrecorded(load_scenario(EXAMPLES / "memory.yaml", sets=BEND))
 
 
-def over_udp():
+def over_udp(monkeypatch, held):
     module = f"127.0.0.1:{free_port()}"
     sets = [f"combine.steer.listen={module}", f"combine.steer.reply=127.0.0.1:{free_port()}"]
-    return ["--module", module], sets
+    return ["--module", module], sets, heard_by(monkeypatch)
 
 
-def over_can():
-    pytest.importorskip("can")
-    port = free_port()
+def over_can(monkeypatch, held):
+    can = pytest.importorskip("can")
+    port, heard = free_port(socket.SOCK_DGRAM), []
+    bus = can.Bus(interface="udp_multicast", channel="239.74.163.2", port=port, fd=False)
+    commands = can.Notifier(bus, [lambda f: f.arbitration_id >> 16 & 0xFF == 0xAD and heard.append(f)])
+    held.callback(bus.shutdown)
+    held.callback(commands.stop)
     level = f"combine.steer={{level: can, overlap_m: 0.1, options: {{port: {port}}}}}"
-    return ["--can", "udp_multicast", "--can-port", str(port)], [level]
+    return ["--can", "udp_multicast", "--can-port", str(port)], [level], heard
 
 
-def as_volts():
-    where = f"127.0.0.1:{free_port()}"
+def as_volts(monkeypatch, held):
+    where = f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     level = f"combine.steer={{level: analog, full_deg: 35, address: 'analog+udp://{where}'}}"
-    return ["--volts", where], [level]
+    return ["--volts", where], [level], heard_by(monkeypatch)
 
 
 @pytest.mark.parametrize(("way", "telegrams"), [
     (over_udp, "CoLaA"), (over_can, "CoLaB"), pytest.param(as_volts, "CoLaB", marks=pytest.mark.draws),
 ])  # fmt: skip
-def test_the_box_on_the_wire_steers_as_it_does_in_memory(in_memory, way, telegrams):
-    flags, sets = way()
-    summary, said = closed([*flags, "--telegrams", telegrams], sets)
+def test_the_box_on_the_wire_steers_as_it_does_in_memory(in_memory, way, telegrams, monkeypatch):
+    with ExitStack() as held:
+        flags, sets, heard = way(monkeypatch, held)
+        summary, said = closed([*flags, "--telegrams", telegrams], sets, heard)
     wire, memory = summary["lateral_rms_m"], in_memory["lateral_rms_m"]
     device = summary["devices"]["combine.lidar"]
     print(f"{telegrams} {way.__name__}: lateral RMS {wire:.4f} m on the wire, {memory:.4f} m in memory")
@@ -152,7 +171,7 @@ def test_one_run_s_scanner_is_another_s_sensor():
             if over.is_set():
                 raise Over
 
-    class Follows(RunHook):
+    class Fed(RunHook):
         """Each period of the fed run waits for a scan."""
 
         def begin(self, run):
@@ -174,7 +193,7 @@ def test_one_run_s_scanner_is_another_s_sensor():
 
     thread = threading.Thread(target=feed)
     thread.start()
-    notes = "\n".join(run_unrecorded(scenarios[1], hooks=[Follows()])["notes"])
+    notes = "\n".join(run_unrecorded(scenarios[1], hooks=[Fed()])["notes"])
     over.set()
     ended(thread)
     count = int(re.search(r"lidar: (\d+) samples from lms", notes).group(1))

@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "can"
 SHORT = "run.distance_m=20"
 QUICK = ["combine.lidar=off", "combine.edge=truth", "combine.edge.rate_hz=25"]
+PATIENT = ["combine.steer.answer_s=300", "combine.steer.wait_s=300"]
 GROUP = "239.74.163.2"
 
 
@@ -115,7 +116,7 @@ def test_the_law_behind_the_bus_stays_within_a_centimetre_of_the_law_in_process(
 
 def test_another_process_in_lock_step_gives_the_same_bytes(sil, port, tmp_path):
     outside = ["combine.steer.box=outside", "combine.steer.interface=udp_multicast"]
-    outside.append(f"combine.steer.options.port={port}")
+    outside += [f"combine.steer.options.port={port}", *PATIENT]
     with Box(str(FOLDER / "sil.yaml"), *set_flags(outside), "--once") as box:
         summary = run(FOLDER / "sil.yaml", tmp_path / "out", SHORT, *QUICK, *outside)
         said, _ = box.process.communicate(timeout=600)
@@ -141,9 +142,9 @@ class Kills(RunHook):
 
 def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path):
     outside = [f"combine.steer.options.port={port}", "combine.steer.lock_step=true"]
-    outside += ["combine.steer.answer_s=2", "realtime.factor=2"]
+    outside += ["combine.steer.answer_s=5", "combine.steer.wait_s=300", "realtime.factor=2"]
     out = tmp_path / "out"
-    said = r"combine.steer: the box 28 on udp_multicast .* did not answer within 2 s, at"
+    said = r"combine.steer: the box 28 on udp_multicast .* did not answer within 5 s, at"
     with Box(str(FOLDER / "hil.yaml"), *set_flags(outside)) as box:
         with pytest.raises(BoxError, match=said):
             run_job(load_scenario(FOLDER / "hil.yaml", sets=[*QUICK, *outside]), out, hooks=[Kills(box)])
@@ -154,7 +155,7 @@ def test_a_box_that_dies_is_a_named_error_and_the_folder_is_kept(port, tmp_path)
 
 
 def test_a_paced_loop_over_the_bus_between_two_processes(port, tmp_path):
-    sets = [f"combine.steer.options.port={port}", "realtime.factor=4", "run.distance_m=8"]
+    sets = [f"combine.steer.options.port={port}", "realtime.factor=4", "run.distance_m=8", *PATIENT]
     with Box(str(FOLDER / "hil.yaml"), *set_flags(sets), "--once") as box:
         summary = run(FOLDER / "hil.yaml", tmp_path / "out", *QUICK, *sets)
         box.process.communicate(timeout=600)
