@@ -183,7 +183,7 @@ def test_one_run_s_scanner_is_another_s_sensor():
     address = f"lms://127.0.0.1:{free_port()}"
     paced, level = "realtime.pace=real_time", "combine.lidar.level=empirical"
     feeding = [paced, level, "run.distance_m=60", f"combine.lidar.device={address}?wait_s=300"]
-    fed = [paced, "run.distance_m=2"]
+    fed = [paced, "run.distance_m=2.4"]
     fed += [f"combine.lidar={{level: device, address: '{address}', mount: {{}}, wait_s: 300}}"]
     scenarios = [load_scenario("straight", sets=sets) for sets in (feeding, fed)]
 
