@@ -177,3 +177,14 @@ def _numbers(path, name):
 
     written_here(path)
     return read_table(path).numbers(name)
+
+
+def test_frames_of_another_age_are_left_out_and_counted(tmp_path):
+    (t, *rest), *_ = frames()
+    late = asc(
+        tmp_path / "log.asc", head() + block() + lines([*frames(), (t + 5e9, *rest), (t + 6e9, *rest)])
+    )
+    found = read(late)
+    assert found.rows == COUNT
+    assert found.span == pytest.approx(T[-1])
+    assert found.notes == ["timeline: samples more than 146 years from the first, left out (2)"]
