@@ -9,6 +9,7 @@ from zlib import crc32
 import numpy as np
 import pytest
 
+import swath
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.function_test.candidates import read_candidates
@@ -280,3 +281,15 @@ def test_the_command_prints_the_winner_and_how_it_is_proven(case_file, drives, p
     assert f"--set combine.steer.lookahead_m={planted.winner['combine.steer.lookahead_m']:g}" in printed
     assert "verdict better" in printed
     assert json.loads((planted.folder / "tuned.json").read_text())["verdict"] == BETTER
+
+
+def test_python_tunes_as_the_command_does(planted, case_file, drives, tmp_path):
+    drives(bowl, noise=0.01)
+    ranges = dict(text.split("=") for text in PARAMS)
+    few = {"aims": ["lateral_rms_m"], "each": 3, "proof": 16}
+    found = swath.tune(case_file, ranges, tmp_path / "made", tries=24, **few)
+    assert (found.winner, found.verdict) == (planted.winner, planted.verdict)
+    assert (tmp_path / "made" / "report.html").read_bytes()
+    chosen = swath.tune([case_file], {"combine.steer.lag_s": [0.0, 0.5]}, tmp_path / "of", tries=10, **few,
+                        sets={"combine.steer.lookahead_m": 6})  # fmt: skip
+    assert chosen.winner == {"combine.steer.lag_s": 0.5}
