@@ -188,7 +188,7 @@ def test_lines_that_cover_a_field_are_its_passes_in_their_order(tmp_path):
     assert [np.mean(ends[:, 1]) for ends in found] == pytest.approx(rows, abs=0.6)
     assert [ends[0, 0] < ends[1, 0] for ends in found] == [True, False, True, False, True]
     assert plan.left == pytest.approx(200.0 * 72.0 - 5 * 200.0 * 12.0, rel=0.15)
-    assert plan.notes == ("the 5 lines of the file are the passes, in their order",)
+    assert plan.notes == ("shape: the 5 lines of the file are the passes, in their order",)
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_lines_that_cover_a_field_are_its_passes_in_their_order(tmp_path):
 def test_lines_that_are_no_plan_say_the_direction_alone(tmp_path, rows, more, said):
     job = lines_over(tmp_path, rows, [lon_lat(line) for line in more])
     plan, directions = passes_of(job)
-    assert plan.notes == (f"lines of the file say the direction of passes alone: {said}",)
+    assert plan.notes == (f"shape: lines of the file say the direction of passes alone: {said}",)
     assert plan.left < 0.01 * plan.area
     assert len(directions) == 1
 

@@ -146,7 +146,7 @@ class Ground:
             return [*yards, *ways]
         if ways:
             self.notes.append(
-                "no way of field.ways_m leads from the gate to the truck: a straight one is taken"
+                "derived: no way of field.ways_m leads from the gate to the truck: a straight one is taken"
             )
         road = shapely.LineString([self.gate, place]) if math.dist(self.gate, place) > 1.0 else None
         return [*yards, *ways] if road is None else [*yards, *ways, road.buffer(PARAMS.road_m)]

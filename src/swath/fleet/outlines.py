@@ -87,11 +87,11 @@ def outlines_of(shapely: Any, job: JobFile) -> Outlines:
     after = len([point for polygon in (*outer, *inner) for ring in polygon for point in ring])
     notes = []
     if 2 * after < before:
-        said = f"outlines are drawn with {after} of {before} points, within {TOLERANCE} m"
+        said = f"shape: outlines are drawn with {after} of {before} points, within {TOLERANCE} m"
         notes.append(f"{said}, their area as it was")
     off = [i + 1 for i, pond in enumerate(ponds) if not shapely.intersects(pond, parts)]
     if off:
-        notes.append(f"holes {off} of {len(ponds)} are outside of the field: closed ground there")
+        notes.append(f"outline: holes {off} of {len(ponds)} are outside of the field: closed ground there")
     return Outlines(frame, made[0], made[1], tuple(notes))
 
 

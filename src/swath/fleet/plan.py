@@ -190,8 +190,8 @@ def _lines_of_others(
     elif share < PARAMS.covers:
         why = f"they cover {100.0 * share:.0f} % of the field"
     else:
-        return ends, [f"the {len(lines)} lines of the file are the passes, in their order"]
-    return [], [f"lines of the file say the direction of passes alone: {why}"]
+        return ends, [f"shape: the {len(lines)} lines of the file are the passes, in their order"]
+    return [], [f"shape: lines of the file say the direction of passes alone: {why}"]
 
 
 class _Planner:
