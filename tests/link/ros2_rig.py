@@ -7,7 +7,8 @@ import os
 import platform
 import subprocess
 import sys
-from contextlib import contextmanager
+import tempfile
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
@@ -45,15 +46,30 @@ machines:
 """
 
 _count = itertools.count()
+DOMAINS = 100  # those above take ports that Linux gives to others
 
 
 @pytest.fixture
 def domain(monkeypatch):
-    """A ROS domain that no other test has, on this machine only."""
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 4
-    number = 1 + 25 * worker + (os.getpid() + next(_count)) % 25
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    """A ROS domain that no other test has, not of another run of the tests either, on this machine only."""
+    with ExitStack() as held:
+        number = until(lambda: _claimed(held), "a ROS domain is free")
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        yield number
+
+
+def _claimed(held):
+    """The next number of a domain, locked until `held` closes; 0 where somebody has it."""
+    import fcntl
+
+    number = 1 + (os.getpid() + next(_count)) % DOMAINS
+    lock = os.open(Path(tempfile.gettempdir(), f"ros-domain-{number}.lock"), os.O_CREAT | os.O_RDWR)
+    held.callback(os.close, lock)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return 0
     return number
 
 
