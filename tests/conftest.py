@@ -32,7 +32,7 @@ settings.register_profile("search", print_blob=True, deadline=None, suppress_hea
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 ROOT = Path(__file__).parents[1]
-LONGEST = (  # what asks the clock comes when CI has built its packages
+LONGEST = (  # what takes longest, in this order
     "tests/test_tutorials.py", "tests/fleet/", "tests/test_docs_typed.py",
     "tests/test_site.py", "tests/whole/", "tests/link/", "tests/tools/", "tests/fuzz/", "tests/machine/",
     "tests/field/",

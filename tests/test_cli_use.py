@@ -138,6 +138,14 @@ def test_lines_stay_whole_in_a_pipe(command, capsys, monkeypatch):
     assert not [row for row in rows if len(row) - len(row.lstrip()) > 12]  # the rest of a folded cell
 
 
+def test_one_metric_is_told_alone_and_all_with_columns_and_events(capsys):
+    for words, is_all in (["metrics"], True), (["metrics", "edge_rmse_m"], False):
+        assert main(words) == 0
+        said = capsys.readouterr().out
+        assert "edge_rmse_m" in said
+        assert ("lateral_rms_m" in said, "columns of the tracks" in said) == (is_all, is_all)
+
+
 @pytest.mark.parametrize("command", ["levels", "metrics", "scenarios", "sheets", "test list"])
 def test_lists_fit_the_columns_asked_for_and_come_as_json(command, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")

@@ -134,6 +134,22 @@ def test_far_pieces_are_left_out_without_changing_the_result():
     assert np.array_equal(together, spread)
 
 
+TURNS = np.cumsum(np.random.Generator(np.random.Philox(5)).uniform(-0.5, 0.5, 150))
+
+
+@pytest.mark.parametrize("line", [
+    np.cumsum(np.stack([np.cos(TURNS), np.sin(TURNS)], axis=-1) * 4.0, axis=0),
+    [[50.0 * np.cos(a), 30.0 * np.sin(a)] for a in np.linspace(0.0, 2.0 * np.pi, 80)],
+], ids=["open", "closed"])  # fmt: skip
+def test_many_points_project_as_each_does_alone(line):
+    shape = EdgeShape(polyline(line, 3.0), "left")
+    assert len(shape.pieces) > 100
+    x, y = points(3000, np.min(line) - 20.0, np.max(line) + 20.0)
+    alone = [shape.project(x[k : k + 1], y[k : k + 1]) for k in range(len(x))]
+    for found, each in zip(shape.project(x, y), zip(*alone, strict=True), strict=True):
+        assert np.array_equal(found, np.concatenate(each))
+
+
 def test_rounded_corners_turn_without_jumps():
     shape = EdgeShape(polyline(WINDING, 6.0), "left")
     s = np.arange(0.0, shape.length, 0.01)

@@ -1,7 +1,7 @@
 """Level `log` on recordings in other frames, units and datums: the true value, a note, or a refusal that says
 what to state."""
 
-from math import isnan
+from math import isnan, tan
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from swath.core.units import DEG
 from swath.link.levels.log import GeoOrigin, LogPlayer, Params
 from swath.record.read.files import open_log
 from swath.record.read.frames import ground_frame, pose_between, static_links, static_mounting
+from swath.record.read.motion import steer_angle
 from swath.scenario.slots import SLOTS
 from swath.sensing.mount import Mount
 from swath.signals import FIX_QUALITIES
@@ -180,6 +181,14 @@ def test_what_a_fix_does_not_know_stays_unknown(tmp_path, name):
     np.testing.assert_allclose((made.horizontal_sd, made.vertical_sd), (wide, high))
     said = any("without their accuracy" in note for note in part.notes)
     assert said == (isnan(wide) and quality != "none")
+
+
+@pytest.mark.parametrize("speed", [2.0, -2.0])
+@pytest.mark.parametrize("yaw_rate", [0.1, -0.3])
+def test_the_angle_of_wheels_from_speed_and_yaw_rate(speed, yaw_rate):
+    """tan(angle) = wheelbase times curvature, also in reverse."""
+    assert tan(steer_angle(3.8, speed, yaw_rate)) == pytest.approx(3.8 * yaw_rate / speed)
+    assert isnan(steer_angle(3.8, 0.0, yaw_rate))
 
 
 def test_an_odometry_of_zeros_is_no_rtk(tmp_path):
