@@ -5,6 +5,7 @@ The order of the reasons matters: a record is counted under the first that holds
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ STRIP_RECORDS = 41  # of the running median that shows a strip narrower than the
 STRIP_SHARE = 0.6  # of the yield of the passes beside it: less means that the header was not full
 STRIP_REACH = 1.6  # header widths to the passes beside
 MOSTLY = 0.5  # of the records of a stretch with a working header: it is in the crop in all of it
+SEVERAL, FEW_TURNS = 4, 0.01  # stretches of a log that pauses out of work, and most of its records in turns
+BACKWARD = 0.7  # cosine of what two courses that are opposite to each other differ by at most from 180 deg
 LONGEST_HOLE = 5  # records without crop that do not end a pass
 SHORTEST_PASS = 30.0  # m
 
@@ -114,20 +117,43 @@ def clean(log: Log, delay_s: float | None = None, inside: NDArray[np.bool_] | No
     reason[narrow] = REASONS.index("narrow_strip")
     reason[_outliers(log, grain, reason < 0)] = REASONS.index("yield_outlier")
     is_cut_off = np.array([d.is_cut_off for d in delays])[log.machine] & (log.flow >= LEAST_FLOW * usual_flow)
-    cutting = ~standing & (_in_crop(log, empty) | is_cut_off) & (log.width > 0.0) & log.working
+    cutting = ~standing & (_in_crop(log, empty, turn, course) | is_cut_off) & (log.width > 0.0) & log.working
     return Cleaned(log, cutting, tuple(delays), reason, flow, grain, pass_id, course, distance)
 
 
-def _in_crop(log: Log, empty: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _in_crop(log: Log, empty: NDArray[np.bool_], turn: NDArray[np.bool_], course: Array) -> NDArray[np.bool_]:
     """Whether the header is in the crop, shape (n,).
 
-    Where the log says that it works, in the whole of a stretch of which most records have grain; of a machine
-    that does not say it, where there is grain.
+    Where the log says that it works, in the whole of a stretch of which most records have grain. A log of
+    many stretches and no turns says it by its pauses: it holds what was recorded with a lowered header, as
+    most monitors do. Of a machine that does not say it, where there is grain, but for turns from a pass to
+    the one beside it, over which the last flow may be held.
     """
-    says = np.isin(log.machine, np.unique(log.machine[~log.working]))
+    several = np.bincount(log.machine[log.gap], minlength=len(log.machine_names)) >= SEVERAL
+    turns = np.bincount(log.machine, turn) / np.maximum(np.bincount(log.machine), 1)
+    pauses = np.flatnonzero(several & (turns < FEW_TURNS))
+    says = np.isin(log.machine, [*np.unique(log.machine[~log.working]), *pauses])
     stretch = np.cumsum(log.gap | np.r_[True, np.diff(log.working)])
     share = np.bincount(stretch, ~empty) / np.maximum(np.bincount(stretch), 1)
-    return np.where(says & (share[stretch] > MOSTLY), log.working, ~empty)
+    grain = ~empty & ~_turned_back(log, turn, course)
+    return np.where(says & (share[stretch] > MOSTLY), log.working, grain)
+
+
+def _turned_back(log: Log, turn: NDArray[np.bool_], course: Array) -> NDArray[np.bool_]:
+    """Records of turns after which the machine drives the other way, shape (n,)."""
+    found = np.zeros(len(log), dtype=bool)
+    edge = np.flatnonzero(np.diff(np.r_[False, turn, False]) | np.r_[log.gap, True])
+    runs = [(int(a), int(b)) for a, b in pairwise(edge) if turn[a]]
+    joined: list[tuple[int, int]] = []
+    for a, b in runs:
+        if joined and a - joined[-1][1] <= LONGEST_HOLE and not log.gap[joined[-1][1] : a + 1].any():
+            joined[-1] = joined[-1][0], b
+        else:
+            joined.append((a, b))
+    for a, b in joined:
+        before, after = course[max(a - 1, 0)], course[min(b, len(log) - 1)]
+        found[a:b] = np.cos(after - before) < -BACKWARD
+    return found
 
 
 def clean_map(log: Log, inside: NDArray[np.bool_] | None = None) -> Cleaned:
