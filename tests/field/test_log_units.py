@@ -185,8 +185,6 @@ FORMS = {
         **h.places(), "width": 9 * h.one, "speed_kmh": 7.2 * h.one, "flow": h.flow})),
 }  # fmt: skip
 
-UNKNOWN = ("no clock, 2 s",)  # its passes and turns show no delay
-
 
 def shown(log):
     """What a log says, in numbers: header [m], speed [m/s], flow [kg/s], yield [kg/m2], delay [s], passes."""
@@ -211,10 +209,7 @@ def test_the_field_is_the_one_that_was_harvested(tmp_path, form):
     assert said["speed"] == pytest.approx(harvest.speed, rel=0.01), log.notes
     assert said["flow"] == pytest.approx(harvest.flow.mean(), rel=0.01), log.notes
     assert said["yield"] == pytest.approx(harvest.wet[harvest.wet > 0].mean(), rel=0.02), log.notes
-    if form in UNKNOWN:
-        assert np.isnan(said["delay"])
-    else:
-        assert said["delay"] == pytest.approx(harvest.late, abs=max(0.5, 2.0 * said["error"]))
+    assert said["delay"] == pytest.approx(harvest.late, abs=max(0.5, 2.0 * said["error"]))
     if "elevation" in log.column_map.columns:
         assert np.abs(log.elevation - harvest.z).max() < 0.5, log.notes
     if "moisture" in log.column_map.columns:

@@ -170,3 +170,64 @@ def test_widths_of_which_none_is_that_of_the_passes_are_refused_with_both_lines(
     with pytest.raises(InputError, match=r'{column: "\w+_m"} or header_width: .*log\.csv') as refused:
         read_log(path)
     assert refused.value.key == "sources"
+
+
+def in_parts(h, shares, order=1):
+    """A row for each part of the header, side by side, without a clock and without a word about parts."""
+    count = len(shares)
+    middle = (np.cumsum(shares) - np.array(shares) / 2 - 0.5)[::order] * h.width
+    east = np.where(np.isin(h.course, (0.0, 360.0)), 1.0, -1.0)[:, None] * middle
+    wide = np.tile(np.array(shares)[::order], len(h))
+    return {
+        "lat": np.repeat(h.lat, count),
+        "lon": np.repeat(h.lon, count) + east.ravel() / (111_195 * np.cos(np.radians(48.0))),
+        "duration_s": np.repeat(h.one, count), "width_m": h.width * wide,
+        "grain_flow_kg_s": np.repeat(h.flow, count) * wide,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("shares", "order"), [((0.5, 0.5), 1), ((0.4, 0.6), -1), ((0.25,) * 4, 1)])
+@pytest.mark.parametrize("is_torn", [False, True])
+def test_parts_behind_each_other_without_a_clock_are_one_header(tmp_path, shares, order, is_torn):
+    h = Harvest(level=0.7)
+    made = in_parts(h, shares, order)
+    made = {k: v[: -len(shares) * 40] if is_torn else v for k, v in made.items()}
+    log = read_log(table(tmp_path / "log.csv", made))
+    rows = len(h) - 40 * is_torn
+    assert len(log) == rows
+    assert log.width == pytest.approx(9.0)
+    assert log.flow.sum() == pytest.approx(h.flow[:rows].sum(), rel=1e-6)
+
+
+def test_rows_without_a_clock_are_no_parts_of_a_header(tmp_path):
+    h = Harvest()
+    made = {k: v for k, v in columns(h).items() if k != "time_s"}
+    log = read_log(table(tmp_path / "log.csv", {**made, "duration_s": h.one}))
+    assert len(log) == len(h)
+
+
+@pytest.mark.parametrize("names", [("wet_yield_t_ha", "yield_t_ha"), ("yield_t_ha", "ertrag_t_ha")])
+@pytest.mark.parametrize("factor", [1.0, 0.8])
+def test_a_name_that_says_less_does_not_count_and_is_told_where_it_differs(tmp_path, names, factor):
+    made = columns(Harvest())
+    grain = 10.0 * made.pop("grain_flow_kg_s") / 18.0
+    log = read_log(table(tmp_path / "log.csv", {names[1]: factor * grain, **made, names[0]: grain}))
+    assert 10.0 * grown(log) == pytest.approx(grain.mean(), rel=0.01)
+    assert doubts(log.notes) == ["sources"] * (factor != 1.0)
+
+
+def test_a_yield_counts_where_nothing_says_how_long_a_flow_lasts(tmp_path):
+    h = Harvest(interval=2.0)
+    made = {k: v for k, v in columns(h).items() if k != "time_s"}
+    assert doubts(read_log(table(tmp_path / "log.csv", made)).notes) == ["timeline"]
+    log = read_log(table(tmp_path / "log.csv", {**made, "yield_t_ha": 10.0 * h.wet}))
+    assert not doubts(log.notes)
+    assert grown(log) == pytest.approx(np.mean(h.wet), rel=0.01)
+
+
+def test_a_step_to_the_pass_beside_is_no_turn(tmp_path):
+    """Without a clock nothing but the way says that records of the turn are missing."""
+    h = Harvest(width=4.0)
+    made = {k: v for k, v in columns(h).items() if k != "time_s"} | {"width_m": 4.0 * h.one}
+    log = read_log(table(tmp_path / "log.csv", {**made, "duration_s": h.one}))
+    assert np.flatnonzero(log.gap).tolist() == [90 * k for k in range(8)]

@@ -49,7 +49,7 @@ HALF = 1.0  # s shown by the turns: below, half and whole delay are the same wit
 STEEP = "turns that begin or end at once"  # which may show half of the delay: no witness of their own
 # of the begins or ends of a flow, from a tenth to this share of it in one record: a lag of 0.3 to 2.5 s, the
 # usual ones, lasts longer at a record each 2 s or less
-AT_ONCE, FULL = 0.75, 0.8
+AT_ONCE, FULL = 0.5, 0.8
 SLACK = 1.5  # s: what a ramp of the flow, and a line of a headland, are off in the mean
 
 
@@ -489,6 +489,8 @@ def _ramp(clock: Array, flow: Array, first: int, last: int) -> tuple[float, floa
     if not len(low):
         return np.nan, np.nan
     part = slice(begun + low[-1], full + 1)
+    if part.stop - part.start < 2:  # records that share their times
+        return np.nan, np.nan
     high = np.flatnonzero(flow[part] > 0.9 * level)
     lasts = float(clock[part][high[0]] - clock[part][0]) if len(high) else np.nan
     lasts = 0.0 if flow[part][1] > FULL * level else lasts

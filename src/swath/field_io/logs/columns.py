@@ -96,6 +96,7 @@ class Column:
     is_given: the user says it
     is_shown: the data shows it
     parts: columns that add up to it; its own name where it is one of several parts (left, section 2)
+    is_lesser: another column says by its name more surely that it is the quantity
     """
 
     column: str
@@ -105,6 +106,7 @@ class Column:
     is_given: bool = False
     is_shown: bool = False
     parts: tuple[str, ...] = ()
+    is_lesser: bool = False
 
     @property
     def by(self) -> str:
@@ -234,7 +236,7 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
         "seconds elapsed elapsedtime",
     )),
     "duration": ("s", (
-        "dt duration interval cycle cycletime loginterval logginginterval dauer duree", "seconds",
+        "dt dur duration interval cycle cycletime loginterval logginginterval dauer duree", "seconds",
     )),
     "record": ("1", ("record id objid objectid fid counter k",)),
     "speed": ("m/s", (
@@ -450,6 +452,17 @@ def guess(header: Sequence[str], path: Path, said: Collection[str] = ()) -> Colu
                 free.remove(own[0].column)
                 found[key] = own[0]
                 others |= {key: tuple(own[1:])} if own[1:] else {}
+    as_sure = {c.column for more in others.values() for c in more}
+    free = [name for name in free if name not in as_sure]
+    for key in [k for k in SOURCED if k in found]:
+        wanted = set[str]().union(*_NAMES[key])
+        less = [
+            replace(c, is_lesser=True)
+            for name in free
+            if (c := _named(key, wanted, name, path, said)) and not c.parts
+        ]
+        others |= {key: (*others.get(key, ()), *less)} if less else {}
+        free = [name for name in free if name not in {c.column for c in less}]
     for name in free:
         cut = _cut(name)
         if cut is not None and cut[0] not in found:

@@ -8,7 +8,7 @@ all of it. A place that is wrong by a shift alone contradicts nothing: it is pri
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,7 +68,7 @@ class Reading:
         return float((on_earth & ~away).sum()) / max(int(finite.sum()), 1)
 
 
-Others = Callable[[], list[Reading]]
+Others = Callable[[], Iterable[Reading]]
 Driven = Callable[[Reading], tuple[Array, Drive] | None]
 
 

@@ -4,7 +4,7 @@ Broken rows are left out and counted by reason; only a file that holds no usable
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -80,7 +80,10 @@ _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width
 """A bad value here breaks the row, elsewhere the cell."""
 MOST_JUDGED = 10_000  # records on which another reading of the positions is judged
 MANY = 0.2  # of the rows: so many left out for one reason are reported
+# cosines of a step to the side of the one before, and of two that are opposite; m, to another pass
+SIDEWAYS, TURNED, LEAST_ASIDE = 0.7, -0.9, 1.0
 LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
+MOST_IN_ORDER = 16  # parts of a header, each with a row, of a log without a clock
 LEAST_ONCE = 0.99  # of the rows of sections, each once at a time: with less the clock has coarse steps
 LEAST_COPIED = 0.2  # of the rows that are there a second time: with less a machine stood
 SEASON = 30 * 86400.0  # s: a longer pause lies between two harvests
@@ -141,11 +144,19 @@ class Log:
 
     @property
     def gap(self) -> NDArray[np.bool_]:
-        """Shape (n,): the record does not follow the one before (other machine, pause, jump in position)."""
-        step = np.hypot(np.diff(self.east), np.diff(self.north))
+        """Shape (n,): the record does not follow the one before: other machine, pause, jump in position.
+
+        A step to the side, behind which the machine drives the other way, is one: none turns on the spot.
+        """
+        way = np.diff(self.position, axis=0)
+        step = np.hypot(*way.T)
+        ahead = way / np.maximum(step, 1e-9)[:, None]
+        aside = np.abs((ahead[1:-1] * ahead[:-2]).sum(axis=1)) < SIDEWAYS
+        turned = aside & ((ahead[2:] * ahead[:-2]).sum(axis=1) < TURNED) & (step[1:-1] > LEAST_ASIDE)
         pause, longest = np.diff(self.time), longest_step(self.time, self.machine)
         reach = np.clip(pause, 1.0, max(3.0, longest / PAUSES))
         far = step > 3.0 * np.maximum(self.speed[1:], 1.0) * reach + 3.0
+        far[1:-1] |= turned
         gap: NDArray[np.bool_] = np.r_[True, (np.diff(self.machine) != 0) | (pause > longest) | far]
         return gap
 
@@ -287,7 +298,8 @@ def _settled(
     clock, day, unit, section, notes = _clock(table, found, machine, np.where(again[:, None], np.nan, plane))
     judge(level_pairs({**found.beside, **found.columns}, raw, table.row_number), path)
     moment = np.stack([machine, _occurrence(machine, section) if clock is None else clock + day], axis=1)
-    other = _joined(section, places.lon_lat, raw, moment, np.flatnonzero(~again))
+    other, in_middle = _joined(section, raw, moment, places.lon_lat, np.flatnonzero(~again))
+    in_middle(places.lon_lat)
     first = ~again & ~other
     if again.any():
         notes.append(f"copies: {int(again.sum()):,} rows are there twice, and count once")
@@ -315,10 +327,21 @@ def _settled(
         position[order] = transform(lon_lat[order], "EPSG:4326", f"EPSG:{epsg}")
         return position, drive_of(position, lon_lat, order, machine, cutting, season)
 
-    if not as_map:
-        for one in np.unique(machine):
-            rows = order_of(places)
-            notes += _between_held(places.lon_lat, plane, rows[machine[rows] == one])
+    by_machine = (
+        []
+        if as_map
+        else [rows[machine[rows] == k] for rows in [order_of(places)] for k in np.unique(machine)]
+    )
+    for rows in by_machine:
+        notes += _between_held(places.lon_lat, plane, rows)
+
+    def moved(reading: Reading) -> Reading:
+        """Another reading with its places moved as those of the log were, in place."""
+        in_middle(reading.lon_lat)
+        for rows in by_machine:
+            _between_held(reading.lon_lat, _plane(reading.lon_lat), rows)
+        return reading
+
     order, known = order_of(places), driven(places)
     drive = Drive((0.0, 0.0), order[:0], order[:0], np.zeros(0)) if known is None else known[1]
     notes += _step_wise(raw, order, drive)
@@ -331,7 +354,12 @@ def _settled(
         time, units = _way_time(columns, raw, clock, day, unit, order)
         of_way = replace(logged, time=time, clock_units=units)
         notes += check_places(
-            places, others, lambda r: known if r is places else driven(r), of_way, found, path
+            places,
+            lambda: map(moved, others()),
+            lambda r: known if r is places else driven(r),
+            of_way,
+            found,
+            path,
         )
     if known is not None:
         check_order(np.arange(len(order), dtype=float), machine[order], *known[0][order].T)
@@ -354,6 +382,13 @@ def _settled(
     if seconds is None and "duration" in raw:
         pace = np.full(count, np.nan)
         pace[order] = np.cumsum(raw["duration"][order] * UNITS["time"][columns["duration"].unit])
+    area = next((k for k in FLOWS[1:] if k in found.beside), "")
+    if pace is None and "speed" not in columns and "grain_flow" in columns and area:
+        flow, columns[area] = columns.pop("grain_flow"), found.beside[area]
+        raw.pop("grain_flow")
+        found = replace(found, beside={k: c for k, c in found.beside.items() if k != area})
+        why = f"nothing says how long a record of {flow.column} takes"
+        notes.append(f"derived: grain: {columns[area].column} counts: {why}")
     found = replace(found, columns=columns)
     logged = replace(logged, time=pace, cutting=cutting & first)
     found, more = settle_units(found, logged, drive, sheet, path)
@@ -410,6 +445,18 @@ def _clock(
     column, dates = found.columns.get("time"), found.columns.get("date")
     none = np.zeros(len(table.row_number))
     section = np.array(table.texts(found.columns["section"].column)) if "section" in found.columns else None
+    wide = found.columns.get("header_width")
+    width = np.ones(len(none)) if wide is None else table.numbers(wide.column)
+    parts = "lie side by side: parts of the header"
+    if column is None and section is None:
+        there = np.asarray(np.isfinite(plane).all(axis=1))
+        rank = np.full(len(there), np.nan)
+        rank[there] = _occurrence(machine[there], machine[there])
+        ways = (np.stack([machine, rank // count], axis=1) for count in range(2, MOST_IN_ORDER + 1))
+        tried = (parts_of_header(moment, plane, width) for moment in ways)
+        section = next((made for made in tried if made is not None), None)
+        notes = [] if section is None else [f"derived: rows behind each other {parts}"]
+        return None, none, "", section, notes
     if column is None:
         return None, none, "", section, []
     numbers = table.numbers(column.column)
@@ -429,12 +476,8 @@ def _clock(
             numbers = over_midnight(numbers)
     days = day / UNITS["time"][unit or column.unit]
     if section is None:
-        wide = found.columns.get("header_width")
-        width = np.ones(len(numbers)) if wide is None else table.numbers(wide.column)
         section = parts_of_header(np.stack([machine, numbers + days], axis=1), plane, width)
-        notes += (
-            [] if section is None else ["derived: rows of one time lie side by side: parts of the header"]
-        )
+        notes += [] if section is None else [f"derived: rows of one time {parts}"]
     of_clock = machine
     if section is not None:
         of_clock = np.unique(np.column_stack([machine, section]), axis=0, return_inverse=True)[1].ravel()
@@ -479,7 +522,8 @@ def _of_sources(table: Table, found: ColumnMap, path: Path) -> tuple[ColumnMap, 
         for c in others:
             if c.is_assumed or columns[key].is_assumed:
                 values[c.column] = values[c.column] / _unit_ratio(key, values[c.column], own)
-        choice = choose(key, values, partial(_line, key), size=SAME_OF.get(key), file=path)
+        lesser = [c.column for c in others if c.is_lesser]
+        choice = choose(key, values, partial(_line, key), size=SAME_OF.get(key), file=path, lesser=lesser)
         columns[key] = all_of[choice.name]
         notes += choice.notes
         undecided[key] = tuple(all_of[name] for name in choice.open)
@@ -669,33 +713,38 @@ def _copies(
 
 
 def _joined(
-    section: Any, lon_lat: Array, raw: dict[str, Array], moment: Array, rows: NDArray[np.int64]
-) -> NDArray[np.bool_]:
-    """Rows of sections beside the one that stands for all, shape (n,).
+    section: Any, raw: dict[str, Array], moment: Array, lon_lat: Array, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], Callable[[Array], None]]:
+    """Rows of sections beside the one that stands for all, shape (n,), and what moves the places (n, 2) of
+    the sections of a time to their middle, in place.
 
     section: of each row, None = none; moment: machine and time; rows: that count. The first section of a time
-    gets the place, widths and flows of all, in place.
+    gets the widths and flows of all, in place.
     """
     other = np.zeros(len(lon_lat), dtype=bool)
-    if section is not None and "header_width" in raw and len(rows):
-        place = np.column_stack([moment, lon_lat])
-        one = np.unique(section, return_inverse=True)[1]
-        is_once = _first(np.column_stack([moment, one]))[rows].mean() > LEAST_ONCE
-        held = np.nan_to_num(np.column_stack([moment if is_once else place])[rows])
-        index, group = np.unique(held, axis=0, return_index=True, return_inverse=True)[1:]
-        group = group.ravel()
-        width = np.nan_to_num(raw["header_width"][rows])
-        total, size = _sums(group, width), _sums(group, np.ones(len(rows)))
-        share = np.where(total > 0.0, width / np.where(total > 0.0, total, 1.0), 1.0 / size)
-        for key in FLOWS:
-            if key in raw:
-                part = 1.0 if key == "grain_flow" else share
-                raw[key][rows] = _sums(group, part * np.nan_to_num(raw[key][rows]))
+    if section is None or "header_width" not in raw or not len(rows):
+        return other, lambda _: None
+    place = np.column_stack([moment, lon_lat])
+    one = np.unique(section, return_inverse=True)[1]
+    is_once = _first(np.column_stack([moment, one]))[rows].mean() > LEAST_ONCE
+    held = np.nan_to_num(np.column_stack([moment if is_once else place])[rows])
+    index, group = np.unique(held, axis=0, return_index=True, return_inverse=True)[1:]
+    group = group.ravel()
+    width = np.nan_to_num(raw["header_width"][rows])
+    total, size = _sums(group, width), _sums(group, np.ones(len(rows)))
+    share = np.where(total > 0.0, width / np.where(total > 0.0, total, 1.0), 1.0 / size)
+    for key in FLOWS:
+        if key in raw:
+            part = 1.0 if key == "grain_flow" else share
+            raw[key][rows] = _sums(group, part * np.nan_to_num(raw[key][rows]))
+    raw["header_width"][rows] = total
+    other[np.delete(rows, index)] = True
+
+    def in_middle(places: Array) -> None:
         for axis in range(2):
-            lon_lat[rows, axis] = _sums(group, share * lon_lat[rows, axis])
-        raw["header_width"][rows] = total
-        other[np.delete(rows, index)] = True
-    return other
+            places[rows, axis] = _sums(group, share * places[rows, axis])
+
+    return other, in_middle
 
 
 def _occurrence(machine: NDArray[np.int64], section: Any) -> Array:

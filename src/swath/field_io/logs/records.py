@@ -47,8 +47,10 @@ def time_of(
     start = np.maximum.accumulate(np.where(first, sorted_time, 0.0))
     time = np.empty(len(order))
     time[order] = sorted_time - start
-    is_known = np.isfinite(values["duration"]).any()
-    note = "" if is_known else "clock: no time: records taken as 1 s apart"
+    is_known, key = np.isfinite(values["duration"]).any(), "clock"
+    if "grain_flow" in found.columns and "speed" not in found.columns:
+        key = "timeline"  # the yield rests on it
+    note = "" if is_known else f"{key}: no time: records taken as 1 s apart"
     return time, note or "clock: none: time counts from the first record of each machine"
 
 

@@ -1,6 +1,6 @@
 """Which of several sources of one quantity counts: columns of a table, channels of two buses, two sensors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,12 +35,14 @@ def choose(
     *,
     size: float | None = None,
     file: Path | None = None,
+    lesser: Collection[str] = (),
 ) -> Choice:
     """The source that counts.
 
     sources: name -> values in one unit on the same rows, shape (n,), nan = none; the best name first
     entry: the line of --columns that chooses a name
     size: what SAME is a share of where that is not each value: of positions, heights
+    lesser: names that say less surely than the first what they are: they count only where they hold more
     A width that varies counts before that of the whole header. Raises InputError where equally complete
     sources differ in the mean by more than SAME, and nothing else shows the quantity.
     """
@@ -63,6 +65,8 @@ def choose(
             notes.append(f"sources: {quantity}: {best} counts; {other} differs in {1.0 - same:.0%}{differ}")
         elif quantity in WITNESSED:
             undecided.append(other)
+        elif other in lesser and best not in lesser:
+            notes.append(f"sources: {quantity}: {best} counts by its name; {other} is {over:.3g} of it")
         else:
             text = f"expected one, the second is {over:.3g} of the first; in --columns:"
             expected = f"{text} {entry(best)} or {entry(other)}"

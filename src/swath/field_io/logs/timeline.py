@@ -58,14 +58,14 @@ def parts_of_header(moment: Array, position: Array, width: Array) -> NDArray[np.
     Parts lie beside each other, as far apart as they are wide; rows of a coarse clock lie behind each other,
     or on one place, and machines keep no place beside each other.
     """
-    _, group, size = np.unique(moment, axis=0, return_inverse=True, return_counts=True)
+    counts = np.flatnonzero(np.isfinite(moment).all(axis=1) & np.isfinite(position).all(axis=1))
+    _, group, size = np.unique(moment[counts], axis=0, return_inverse=True, return_counts=True)
     group = group.ravel()
-    count = int(np.bincount(size).argmax())
-    whole = np.isfinite(moment).all(axis=1) & np.isfinite(position).all(axis=1) & (size[group] == count)
+    count = int(np.bincount(size).argmax()) if len(size) else 0
+    whole = size[group] == count
     if not 2 <= count <= MOST_PARTS or whole.mean() < LEAST_PARTS:
         return None
-    rows = np.flatnonzero(whole)
-    rows = rows[np.argsort(group[rows], kind="stable")]
+    rows = counts[whole][np.argsort(group[whole], kind="stable")]
     of_group = rows[: len(rows) // count * count].reshape(-1, count)
     middle = position[of_group].mean(axis=1)
     way = np.diff(middle, axis=0)
