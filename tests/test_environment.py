@@ -49,7 +49,9 @@ def test_the_checker_of_gymnasium_passes():
 
 @pytest.mark.parametrize("order", ["import swath, gymnasium", "import gymnasium, swath"])
 def test_ids_are_known_whichever_is_imported_first(order):
+    """And nothing of ours goes on watching imports."""
     ask = "print(*[name for name in gymnasium.registry if name.startswith('swath/')])"
+    ask += "; import sys; assert not [f for f in sys.meta_path if 'swath' in type(f).__module__]"
     run = subprocess.run(
         [sys.executable, "-c", f"{order}; {ask}"], capture_output=True, text=True, check=True
     )

@@ -26,6 +26,7 @@ from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAns
 from swath.control.edge.feet.canopy_feet import CanopyFeet
 from swath.control.edge.feet.overhang import HeightOverhang
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
+from swath.control.edge.line.near_line import DISTANCE, LineFit, NearLine
 from swath.control.edge.populations import Populations
 from swath.core.frames import Pose
 from swath.core.random import Stream
@@ -459,3 +460,38 @@ def test_a_gyroscope_that_is_off_moves_the_edge_by_little(bias):
         edge = level.step(k * PERIOD, PERIOD, {"scan": scan, "odometry": off})["edge"]
         errors.append(edge.offset - 5.9)
     assert np.abs(errors[150:]).max() < 0.07
+
+
+@pytest.mark.parametrize("stated", [0.1, 0.2, 0.5])
+def test_a_line_is_as_sure_as_its_points_scatter_not_as_they_state(stated):
+    """stated: standard deviation that the points are said to have, as a share of the one that they have."""
+    rng, fit, off = np.random.default_rng(1), LineFit(5.5), []
+    x = np.arange(0.0, 16.0, 0.4)
+    for _ in range(300):
+        sd, place = rng.uniform(0.05, 0.3), rng.uniform(6.0, 12.0)
+        course, heading = rng.uniform(-0.1, 0.1, size=2)
+        u = np.tan(course) * x + sd * rng.standard_normal(len(x))
+        rows = np.column_stack([x, u, np.full(len(x), (stated * sd) ** 2), x / np.cos(course)])
+        at = np.array([place - 5.5, np.tan(course) * place - 5.5 * heading, heading])
+        newest = Arc(float(x[-1]), float(u[-1]), float(course), 0.0, distance=float(rows[-1, DISTANCE]))
+        line = fit.near(rows, tuple(at), newest.frame(*at), newest.distance)
+        c, s = np.cos(heading), np.sin(heading)
+        there = at[:2] + np.array([[c, -s], [s, c]]) @ (line.frame.x, line.frame.u)
+        beside = there @ (-np.sin(course), np.cos(course))
+        off.append((beside / line.offset_sd, (line.frame.angle + heading - course) / line.angle_sd))
+    rms = np.sqrt(np.mean(np.square(off), axis=0))
+    assert (rms > 0.75).all()
+    assert (rms < 1.5).all()
+
+
+def test_the_edge_lies_ahead_as_long_as_all_that_was_seen_of_it_does():
+    rng, made, frame = np.random.default_rng(1), detector(), EdgeFrame(5.5, 0.0, 0.0, 0.0)
+    points = made._blocks.points
+    for _ in range(100):
+        points.clear()
+        for distance in np.cumsum(rng.exponential(2.0, rng.integers(2, 12))):
+            points.add(distance, 0.0, 1e-4, distance)
+        seen = points.rows[:, DISTANCE]
+        place = rng.uniform(seen[0] - 5.0, seen[-1] + 5.0)
+        line = NearLine(frame, 0.1, 0.1, float(abs(seen - place).min()), 0.0, float(seen[-1] - place))
+        assert made._lies_ahead(line) == (seen > place).all()

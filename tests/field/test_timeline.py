@@ -9,8 +9,10 @@ from swath.core.errors import InputError
 from swath.documents.reasons import doubts
 from swath.field_io.delay import estimate_delays
 from swath.field_io.logs.clock import spread
+from swath.field_io.logs.columns import ADDED, QUANTITIES, UNITS
 from swath.field_io.logs.log import first_loss, read_log
 from swath.field_io.logs.sources import choose
+from swath.field_io.logs.witnesses import CANDIDATES
 from tests.field.drawn_logs import draw
 from tests.field.unit_logs import Harvest, table
 
@@ -78,6 +80,9 @@ def parted(name, keys):
     }
 
 
+NAMED = {"header_width": ("width_m", "width"), "grain_flow": ("grain_flow_kg_s", "flow")}
+
+
 def in_use(c):
     last = np.arange(len(c["lat"])) >= 7 * 90
     return {**c, "width_m": np.where(last, 4.5, 9.0), "header_width_m": 9.0 + 0.0 * last}
@@ -104,6 +109,19 @@ def test_parts_add_up_and_way_and_passes_decide_between_sources(tmp_path, change
     assert log.flow.sum() == pytest.approx(made["grain_flow_kg_s"].sum(), rel=1e-6)
     assert log.width.mean() == pytest.approx(width, rel=1e-6)
     assert log.speed.mean() == pytest.approx(2.0, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("key", ADDED)
+def test_parts_in_units_of_their_own_add_up(tmp_path, key, seed):
+    rng = np.random.default_rng(seed)
+    made, (name, word) = columns(Harvest(passes=2)), NAMED[key]
+    units = rng.permutation(sum(CANDIDATES[key], ()))[: rng.integers(2, 4)].tolist()
+    whole, shares = made.pop(name), rng.dirichlet(np.full(len(units), 5.0))
+    for k, (unit, share) in enumerate(zip(units, shares, strict=True), 1):
+        made[f"{word} section {k} [{unit}]"] = share * whole / UNITS[QUANTITIES[key]][unit]
+    log = read_log(table(tmp_path / "log.csv", made))
+    assert {"header_width": log.width, "grain_flow": log.flow}[key] == pytest.approx(whole, rel=1e-4)
 
 
 @pytest.mark.parametrize("names", [("flow left [kg/s]",), ("yield left [t/ha]", "yield right [t/ha]")])

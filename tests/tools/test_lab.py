@@ -10,9 +10,19 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.tools.distributions import wasserstein1
-from swath.tools.lab.comparison import compare_levels, describe, list_rows, rating_of, repeatability
+from swath.tools.lab.comparison import (
+    RATED,
+    CaseComparison,
+    LevelComparison,
+    compare_levels,
+    describe,
+    list_rows,
+    rating_of,
+    repeatability,
+)
 from swath.tools.lab.lab import Case, CaseHeights, Lab, Settings, run_lab
 from swath.tools.lab.measured_heights import MeasuredHeights, read_measured
+from swath.tools.lab.page import HEAD, LABELS, comparison_rows
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
 
@@ -132,6 +142,18 @@ def test_levels_against_real_and_against_the_reference():
     assert found["plants", "real"].value["p95_bias_m"] == pytest.approx(
         np.mean([np.percentile(h, 95) for h in plants]) - np.percentile(normal(9), 95)
     )
+
+
+def test_numbers_are_told_in_the_unit_of_their_label():
+    rng = np.random.default_rng(1)
+    value = {n: float(rng.uniform(-1.0, 1.0)) for n in RATED}
+    made = LevelComparison("empirical", "plants", value, {}, dict.fromkeys(RATED, "good"))
+    row = comparison_rows([CaseComparison(CaseHeights(CASE, {}), np.zeros(0), (made,))])[0]
+    told = dict(zip(HEAD, row, strict=True))
+    for n in RATED:
+        label = LABELS[n][0]
+        shown = float(told[label].replace("−", "-")) * (0.01 if label.endswith(" cm") else 1.0)
+        assert shown == pytest.approx(value[n], abs=0.006)
 
 
 def test_too_few_returns_are_not_compared():

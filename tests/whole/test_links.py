@@ -123,6 +123,8 @@ def test_a_folder_below_the_named_one_is_no_link(act, has_descriptors, tmp_path,
     assert (real / "d" / "e" / "x").is_file()
     with within(tmp_path / "out"), pytest.raises(InputError, match=r"without \.\."):
         write_whole(tmp_path / "out" / "d" / ".." / "x", "new")
+    opened = [os.path.realpath(f"/dev/fd/{name}") for name in os.listdir("/dev/fd")]
+    assert not [file for file in opened if file.startswith(str(tmp_path))]
 
 
 def test_a_folder_that_becomes_a_link_while_a_file_is_written(tmp_path):
