@@ -12,6 +12,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("shapefile")
 
 from swath.core.errors import InputError
+from swath.documents.reasons import doubts
 from swath.field_io.clean import clean
 from swath.field_io.importer import import_log
 from swath.field_io.logs.columns import guess
@@ -418,3 +419,13 @@ def test_a_log_without_its_units_reads_to_the_same_field(tmp_path, log):
     assert len(bare_log) == len(plain)
     for key in ("time", "width", "speed", "flow", "elevation", "moisture"):
         np.testing.assert_allclose(getattr(bare_log, key), getattr(plain, key), rtol=1e-3, err_msg=key)
+
+
+@pytest.mark.parametrize(("also", "told"), [({}, []), ({"speed_mph": 4.5}, ["yield"])])
+def test_a_yield_whose_unit_only_the_place_decides_is_in_doubt(tmp_path, also, told):
+    """26 bu/ac and 26 dt/ha of soy both grow in Nebraska: metres decide, metres and miles do not."""
+    h = Harvest(40.7, -96.4, level=0.26)
+    columns = {**h.places(("lat", "lon")), "time_s": h.t, "width_m": 9.0 * h.one, "yield": 100.0 * h.wet}
+    columns |= {name: value * h.one for name, value in also.items()}
+    log = read_log(table(tmp_path / "log.csv", columns), crop="soy")
+    assert doubts(log.notes) == told

@@ -463,10 +463,14 @@ class _Bench:
 
     def system(self) -> tuple[bool, str]:
         """Whether units are those of the USA, and by what."""
-        votes = {unit in US_CUSTOMARY for unit in self._votes if unit not in _NO_SYSTEM}
+        votes = self._systems()
         if len(votes) == 1:
             return votes.pop(), f"as {', '.join(sorted(set(self._votes) - _NO_SYSTEM))} elsewhere in the log"
         return self._is_american, f"as usual at {'an American' if self._is_american else 'its'} place"
+
+    def _systems(self) -> set[bool]:
+        """Whether units that are known are those of the USA."""
+        return {unit in US_CUSTOMARY for unit in self._votes if unit not in _NO_SYSTEM}
 
     def mirrored(self) -> Pair:
         """The place beside the units, of which those of the USA are used there: west may be written without
@@ -512,10 +516,13 @@ class _Bench:
         if pool:
             unit = column.unit if column.unit in pool or of_format else pool[0]
             system = "" if sure or unit in _NO_SYSTEM or pool is not pools[0] else self.system()[1]
-            also = [u for u in pool if u != unit]
+            is_by_place = key in FLOWS and bool(system) and len(self._systems()) != 1
+            fits = self._fitting(key, usual, rows) if is_by_place else pool
+            also = [u for u in fits if u != unit]
             doubt = f"; {' or '.join(also)} would fit as well" if also else ""
             by = ", ".join(filter(None, (shown, system)))
-            text = f"unit: {key}: {column.column} taken as {unit}{': ' if by else ''}{by}{doubt}"
+            word = _doubt(key) if is_by_place and also else "unit"
+            text = f"{word}: {key}: {column.column} taken as {unit}{': ' if by else ''}{by}{doubt}"
         else:
             likely = [row for row in rows if row not in sure]
             plausible = self._fitting(key, (*self._own(usual), *usual, *rare), likely)
