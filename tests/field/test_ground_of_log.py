@@ -6,12 +6,14 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("shapely")
 
+from swath.documents.reasons import doubts
 from swath.field_io.clean import clean
+from swath.field_io.importer import Settings, import_log
 from swath.field_io.logs.log import read_log
 from swath.field_io.outline import covered_ground
 from tests.field.unit_logs import table
 
-PASSES, LENGTH, WIDTH, SPEED, LATE = 8, 150.0, 6.0, 2.0, 12
+PASSES, LENGTH, WIDTH, SPEED, LATE = 8, 100.0, 6.0, 2.0, 12
 
 
 def driven(*, has_turns):
@@ -56,3 +58,19 @@ def test_flow_that_is_held_over_turns_takes_no_ground(tmp_path):
     found = area(tmp_path, t, x, y, flow)
     assert found == pytest.approx(PASSES * LENGTH * WIDTH, rel=0.05)
     assert (~is_pass).sum() * SPEED * WIDTH > 0.1 * found  # what the turns would add
+
+
+def test_grain_that_comes_while_the_header_is_out_is_no_doubt(tmp_path):
+    """A flow 12 s late that is cut off with the header shows four fifths of the grain."""
+    t, x, y, is_pass = driven(has_turns=True)
+    grown = np.where(is_pass, 7.0, 0.0)
+    flow = np.where(is_pass, np.interp(t - LATE, t, grown, left=0.0), 0.0)
+    lat, lon = 48.0 + y / 111_195, 11.0 + x / (111_195 * np.cos(np.radians(48.0)))
+    rows = {"Longitude": lon, "Latitude": lat, "Time (s)": t, "Width (m)": np.full(len(t), WIDTH),
+            "Flow (kg/s)": flow, "Speed (m/s)": np.full(len(t), SPEED),
+            "Work State": np.where(is_pass, "In", "Out")}  # fmt: skip
+    log = table(tmp_path / "log.csv", rows)
+    assert flow.sum() < 0.87 * grown.sum()
+    report = import_log(log, tmp_path / "field", settings=Settings(flow_delay_s=LATE), progress=False)
+    assert not {"yield", "lost"} & set(doubts(report.notes))
+    assert report.crop["yield_t_ha"] == pytest.approx(10 * 7.0 / (WIDTH * SPEED), rel=0.02)

@@ -68,6 +68,14 @@ class Cleaned:
         return np.asarray(self.reason < 0)
 
     @property
+    def driven(self) -> NDArray[np.bool_]:
+        """Shape (n,): the record is of a pass, with the header at work, whether it counts or not."""
+        beside = [
+            REASONS.index(name) for name in ("outside_boundary", "standing", "header_up", "headland_turn")
+        ]
+        return self.kept | (self.log.working & ~np.isin(self.reason, beside))
+
+    @property
     def counts(self) -> dict[str, int]:
         """Reason -> records removed, every reason named."""
         return {name: int((self.reason == i).sum()) for i, name in enumerate(REASONS)}

@@ -54,7 +54,7 @@ YIELDS = {
     "wheat": (1, 11), "barley": (1, 9.5), "rye": (1, 9.5), "soy": (0.8, 5.5), "rape": (0.7, 5.5),
     "maize": (2, 16),
 }  # fmt: skip
-FEW_USED = 0.5  # of the records, that are not
+FEW_USED = 0.5  # of the records on passes, that are not used
 
 
 @dataclass(frozen=True)
@@ -404,13 +404,22 @@ def _doubts(
     logged, mapped = float((log.flow * log.duration)[own & log.working].sum()), _mapped_kg(maps, polygon)
     text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
     over = logged / mapped - 1.0 if mapped > 0.0 else np.inf  # less is grain of rows that are left out
-    less = ratio(logged, mapped) if over < 0.0 else 0.0
+    less = ratio(_arrived_kg(cleaned, own), mapped) if over < 0.0 else 0.0
     flag = f"{shown}; say the units of width, speed and yield with --columns"
     reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
     text_used = f"{kept:,} of {len(log):,} are used: {count:,} {reason.replace('_', ' ')}"
     pairs += [Pair("yield", text, over, *BALANCE, flag), Pair("yield", text, less, BALANCE[0]),
-              Pair("lost", text_used, 1.0 - kept / len(log), FEW_USED)]  # fmt: skip
+              Pair("lost", text_used, 1.0 - kept / max(int(cleaned.driven.sum()), 1), FEW_USED)]  # fmt: skip
     return [*told, *judge([*pairs, *_beside(cleaned, spacing, crop)], path)]
+
+
+def _arrived_kg(cleaned: Cleaned, own: NDArray[np.bool_]) -> float:
+    """Grain of all that was cut [kg], by the flow where it is known: some of a late flow may not be."""
+    log, cut = cleaned.log, own & cleaned.cutting
+    known = cut & np.isfinite(cleaned.flow)
+    ground = log.speed * log.width * log.duration
+    share = float(ground[known].sum()) / max(float(ground[cut].sum()), 1e-9)
+    return float((cleaned.flow * log.duration)[known].sum()) / max(share, 1e-9)
 
 
 def _of_raw(log: Log) -> list[Pair]:
