@@ -249,3 +249,10 @@ def test_a_step_to_the_pass_beside_is_no_turn(tmp_path):
     made = {k: v for k, v in columns(h).items() if k != "time_s"} | {"width_m": 4.0 * h.one}
     log = read_log(table(tmp_path / "log.csv", {**made, "duration_s": h.one}))
     assert np.flatnonzero(log.gap).tolist() == [90 * k for k in range(8)]
+
+
+def test_a_speed_that_is_dead_does_not_count(tmp_path):
+    made = columns(Harvest())
+    log = read_log(table(tmp_path / "log.csv", {**made, "speed_km_h": 0.0 * made["lat"]}))
+    assert doubts(log.notes) == ["plausible"]
+    assert log.speed.mean() == pytest.approx(2.0, rel=0.01)

@@ -357,7 +357,12 @@ def settle_units(
     speed = np.full(len(cutting), pace)
     if time is not None:
         speed[steps.after] = steps.step / _positive(time[steps.after] - time[steps.here])
-    if "speed" in raw:
+    if "speed" in raw and pace > 0.0 and not _median(raw["speed"][cutting]) > 0.0:
+        dead = bench.columns.pop("speed").column
+        bench.notes.append(
+            f"plausible: speed: {dead} says 0 at {3.6 * pace:.2f} km/h by positions and times, not used"
+        )
+    elif "speed" in raw:
         seen = rows.get("speed") or _row("speed", "", _median(raw["speed"][cutting]), AT.speed)
         bench.decide("speed", seen, f"{3.6 * pace:.2f} km/h by positions and times" * bool(pace > 0.0))
         speed = raw["speed"] * bench.factor("speed")
