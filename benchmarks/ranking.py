@@ -5,8 +5,8 @@
 Ten detectors in shadow of a machine on the true edge (ranking.yaml), so all see the same scans; the same
 seeds at both levels. Kendall's tau of their mean edge RMSE between the levels, beside that between two halves
 of the seeds at `plants`, which no level exceeds but by chance. A pair is decided at a level where its
-difference over the seeds is shown (Wilcoxon, 5 %) and more than 2 mm; turned round where both levels decide
-it otherwise. `told`: decided at `empirical` as `swath test compare` says, which leaves differences
+mean difference over the seeds is shown (5 %) and more than 2 mm; turned round where both levels decide it
+otherwise. `told`: decided at `empirical` as `swath test compare` says, which leaves differences
 between unlike detectors up to 3 cm undecided there.
 """
 

@@ -8,6 +8,11 @@ from swath.tools.function_test import cheaper
 MOTION, LAW = "combine.motion.level=kinematic", "combine.steer.level=pure_pursuit"
 DEAR, CURVE = "combine.header.level=height_control", "combine.steer.curvature_per_m=0.1"
 
+AS_IT_IS = {
+    "verdict": "pass", "cpu_s": 10.0, "expect": [], "case": "turn-circle", "candidate": "base", "seed": 1,
+    "point": {}, "digest": "",
+}  # fmt: skip
+
 
 def test_levels_of_a_case(monkeypatch):
     monkeypatch.setattr(cheaper, "_changes", lambda run: iter([MOTION, LAW, DEAR, CURVE]))
@@ -29,7 +34,7 @@ def test_what_together_disagrees_is_left_out(monkeypatch):
 
     monkeypatch.setattr(cheaper, "_changes", lambda run: iter([MOTION, "combine.imu.level=ideal"]))
     monkeypatch.setattr(cheaper, "_against", against)
-    monkeypatch.setattr(cheaper, "_done", lambda planned, sets: [{"verdict": "pass", "cpu_s": 10.0}])
+    monkeypatch.setattr(cheaper, "_done", lambda planned, sets: [AS_IT_IS])
     found = cheaper.find_cheaper("turn-circle", runs=1)
     assert found.together.sets == (MOTION,)
 

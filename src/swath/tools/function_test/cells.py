@@ -7,7 +7,7 @@ page shows: so the memory does not grow with the number of runs.
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import fsum, nan, sqrt
+from math import fsum, nan
 from typing import Any
 
 from swath.tools.function_test.case import Case
@@ -15,6 +15,7 @@ from swath.tools.function_test.judging.integrity import SUMMARY, pooled
 from swath.tools.function_test.judging.judged import ERROR, OPEN, UNJUDGED, beyond
 from swath.tools.function_test.judging.kept_runs import Kept, Region, Sample, Worst, kept
 from swath.tools.function_test.judging.margin import is_kept_or_not, margin, margin_of
+from swath.tools.function_test.judging.paired import mean_interval
 from swath.tools.function_test.judging.ranking import Measured
 from swath.tools.function_test.judging.steering_accuracy import SUMMARY as STEERING
 from swath.tools.function_test.judging.steering_accuracy import pooled as pooled_classes
@@ -194,17 +195,12 @@ def _is_kept(entry: dict[str, Any]) -> bool:
 
 
 def _mean(name: str, values: Sequence[float], bounds: Any) -> tuple[str, str]:
-    """Verdict on a mean with its interval of 95 % (Student), and the text that says so. nan: no value."""
+    """Verdict on a mean with its interval of 95 %, and the text that says so. nan: no value."""
     count = sum(v == v for v in values)
     if count < max(2, len(values)):
         text = f"{name}: {count} of {len(values)} runs have it"
         return BROKEN if count < len(values) else NOT_SHOWN, text
-    from scipy import stats
-
-    mean = fsum(values) / count
-    spread = sqrt(fsum((v - mean) ** 2 for v in values) / (count - 1) / count)
-    half = float(stats.t.ppf(0.975, count - 1)) * spread
-    low, high = mean - half, mean + half
+    mean, (low, high) = fsum(values) / count, mean_interval(values)
     inside = (bounds.max is None or high <= bounds.max) and (bounds.min is None or low >= bounds.min)
     outside = (bounds.max is not None and low > bounds.max) or (bounds.min is not None and high < bounds.min)
     text = f"{name}: mean {mean:.4g} ({low:.4g} to {high:.4g})"

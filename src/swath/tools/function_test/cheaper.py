@@ -13,6 +13,7 @@ from swath.runtime.kept import KeptFields
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 from swath.scenario.slots import REGISTRY
+from swath.tools.function_test.judging.first_batch import name_first, telling_nothing
 from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun
 from swath.tools.function_test.stored_line import Result
@@ -25,7 +26,8 @@ LEAST_SAVED = 0.02  # of the time: less is the noise of a clock
 class Tried:
     """Runs of a case with other levels. sets: as after `--set`; cpu_s: of all runs, processor time.
 
-    same: runs with the verdict that they had; apart: largest difference of a limited number over its limit
+    same: runs with the verdict that they had; as_before: with the same bytes
+    apart: largest difference of a limited number over its limit
     why: it cannot be had, or disagrees; "" where it agrees
     """
 
@@ -34,6 +36,7 @@ class Tried:
     same: int = 0
     apart: float = 0.0
     why: str = ""
+    as_before: int = 0
 
 
 @dataclass(frozen=True)
@@ -91,12 +94,14 @@ def find_cheaper(
     before = _done(planned, ())
     if broken := next((r for r in before if r["verdict"] == "error"), None):
         raise InputError("case", source, f"expected runs that come to an end: {broken['reason']}")
+    limited = [*_limited(before[0])]
+    name_first({}, telling_nothing(before, limited, value_of=lambda run, name: _limited(run).get(name)))
     base = Tried((), _time(before), len(before))
     tried = []
     for change in _changes(planned[0]):
         progress(change)
         tried.append(_against(before, planned, (change,), within))
-    kept = [t for t in tried if not t.why and 1.0 - t.cpu_s / base.cpu_s > LEAST_SAVED]
+    kept = [t for t in tried if not t.why and t.cpu_s < (1.0 - LEAST_SAVED) * base.cpu_s]
     best = {t.sets[0].partition("=")[0]: t for t in sorted(kept, key=lambda t: -t.cpu_s)}
     chosen = sorted(best.values(), key=lambda t: t.cpu_s)
     together = base
@@ -137,7 +142,13 @@ def _against(
     why = f"cannot be had: {worst['reason']}" if worst else ""
     why = why or ("other verdicts" if same < len(before) else "")
     why = why or ("other numbers" if not apart <= within else "")
-    return Tried(sets, _time(after), same, apart, why)
+    as_before = sum(a["digest"] == b["digest"] for a, b in zip(before, after, strict=True))
+    return Tried(sets, _time(after), same, apart, why, as_before)
+
+
+def _limited(result: Result) -> dict[str, float | None]:
+    """Numbers of a run that a limit is on."""
+    return {f"{entry['subject']}.{entry['name']}": entry["value"] for entry in result["expect"]}
 
 
 def _done(planned: Sequence[PlannedRun], sets: tuple[str, ...]) -> list[Result]:

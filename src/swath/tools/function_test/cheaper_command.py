@@ -27,7 +27,12 @@ def _levels(args: argparse.Namespace) -> int:
 
     found = find_cheaper(args.case, runs=args.runs, within=args.within, sets=args.sets, progress=progress)
     rows = [
-        (tried.sets[0], tried.why or "agrees", f"{tried.apart:.2f}", f"{100.0 * found.saved(tried):.0f} %")
+        (
+            tried.sets[0],
+            tried.why or ("agrees, the same bytes" if tried.as_before == found.base.same else "agrees"),
+            f"{tried.apart:.2f}",
+            f"{100.0 * found.saved(tried):.0f} %",
+        )
         for tried in found.tried
         if not tried.why.startswith("cannot")
     ]

@@ -124,7 +124,9 @@ def _list(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
+    from swath.runtime.workers import workers_kept
     from swath.tools.function_test.candidates import read_candidates
+    from swath.tools.function_test.judging.first_batch import FIRST, name_first
     from swath.tools.function_test.plan import Plan
     from swath.tools.function_test.session import begin
 
@@ -152,7 +154,9 @@ def _run(args: argparse.Namespace) -> int:
         then = command("test", "report", args.out)
         print(f"{left} runs to do: {command('test', 'work', args.out)} --shard 1/N ... N/N, then {then}")
         return 0
-    with progress(left) as done, engine(args.cluster, args.workers) as client:
+    with progress(left) as done, engine(args.cluster, args.workers) as client, workers_kept():
+        session.do(max(1, args.workers), done, client, FIRST)
+        name_first({}, session.telling_nothing)
         session.do(max(1, args.workers), done, client)
     return finish(session.folder, session, again=False)
 
@@ -239,8 +243,10 @@ def _report(args: argparse.Namespace) -> int:
 def _compare(args: argparse.Namespace) -> int:
     from swath.terminal.tables import table
     from swath.tools.function_test.compare import BETTER, SAME_BYTES, SAME_VERDICT, VERDICTS, WORSE, compare
+    from swath.tools.function_test.judging.first_batch import name_first
 
     found = compare(args.old, args.new, args.metric)
+    name_first({}, found.telling_nothing)
     kinds = (SAME_BYTES, SAME_VERDICT, BETTER, WORSE)
     counts = [(case, *(str(what.count(kind)) for kind in kinds)) for case, what in found.by_case().items()]
     table("", ("case", *kinds), counts)
@@ -251,8 +257,19 @@ def _compare(args: argparse.Namespace) -> int:
         interval = f"{d.low:+.4g} to {d.high:+.4g}" if isfinite(d.high) else "too few pairs"
         rest = f"{d.within:.3g}" if isfinite(d.within) else "-", f"{d.smallest:.3g}"
         rows.append((name, str(d.count), f"{d.estimate:+.4g}", interval, said, *rest))
-    columns = ("new - old", "pairs", "difference", "95 %", "shown", "lies within", "would have been seen")
+    columns = (
+        "new - old",
+        "pairs",
+        "mean difference",
+        "95 %",
+        "shown",
+        "lies within",
+        "would have been seen",
+    )
     table("", columns, rows)
+    for name in (*found.differences, VERDICTS):
+        if found.says(name) == "better":
+            print(f"{name} better: {found.beside(name)}")
     same = found.outcomes.count(SAME_BYTES)
     if same < len(found.pairs) < (least := found.least_pairs):
         print(f"{len(found.pairs)} pairs are too few: {least} are needed to show anything")
@@ -327,7 +344,8 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     cells = session.cells(again=again)
     session.table()
     write_junit(folder / "junit.xml", cells)
-    page = write_matrix(folder / "report.html", cells, shadow=session.plan.shadow)
+    nothing = session.telling_nothing
+    page = write_matrix(folder / "report.html", cells, shadow=session.plan.shadow, nothing=nothing)
     rows = []
     for cell in cells:
         worst = cell.worst

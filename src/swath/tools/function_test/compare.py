@@ -14,11 +14,13 @@ from swath.judge.catalogue import load_evaluators
 from swath.sensing.lidar.empirical import BIASED
 from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
 from swath.tools.function_test.journal import TABLE, read_table
+from swath.tools.function_test.judging.first_batch import telling_nothing
 from swath.tools.function_test.judging.judged import OPEN, UNJUDGED
 from swath.tools.function_test.judging.margin import MARGIN
 from swath.tools.function_test.judging.paired import (
     ALPHA,
     Difference,
+    caveat,
     difference,
     holm,
     paired_values,
@@ -71,8 +73,13 @@ class Comparison:
 
     @property
     def least_pairs(self) -> int:
-        """Pairs of which Wilcoxon's test, at best 2 / 2^n, shows anything beside all other questions."""
+        """Pairs of which a test, at best 2 / 2^n, shows anything beside all other questions."""
         return ceil(log2(2.0 * (len(self.differences) + 1) / self.alpha))
+
+    @property
+    def telling_nothing(self) -> dict[str, str]:
+        """What tells nothing in the runs of both, each with a line that says so."""
+        return telling_nothing([result for pair in self.pairs for result in pair], self.differences)
 
     def says(self, name: str) -> str:
         """`better`, `worse`, `changed` (of a metric where neither direction is better), or nothing shown;
@@ -88,6 +95,16 @@ class Comparison:
         if not good:
             return "changed"
         return "better" if (self.differences[name].estimate > 0.0) == (good == "higher") else "worse"
+
+    def beside(self, name: str, better: str = "") -> str:
+        """What stands beside what is shown to be better: which harm is not excluded, and the worst.
+
+        better: `lower` or `higher`, "" = as the catalogue says
+        """
+        if name == VERDICTS:
+            return caveat(len(self.pairs), f"{self.outcomes.count(WORSE)} of them now fail")
+        d = self.differences[name]
+        return caveat(d.count, f"worst tenth {d.worst_tenth(better or better_of(name)):+.4g}")
 
     @property
     def is_worse(self) -> bool:

@@ -22,6 +22,7 @@ from swath.report.html import (
 from swath.terminal.outcome import limit_text
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.charts import colour, over_parameters, stanford
+from swath.tools.function_test.judging.first_batch import banners
 from swath.tools.function_test.judging.integrity import BIN_COUNT, BIN_M
 from swath.tools.function_test.judging.judged import UNJUDGED
 from swath.tools.function_test.judging.kept_runs import Kept
@@ -61,11 +62,12 @@ ABOUT_OUTSIDE = (
     "break it. `swath levels SLOT` lists the ranges."
 )
 ABOUT_RANKS = (
-    "By the runs that keep their limits, then by the median error of the edge. Medians with the interval "
-    "that holds them with 95 %. Differences to {} of the same case, point and seed: Hodges and Lehmann's "
-    "estimate with Wilcoxon's interval; not shown where chance alone makes one as large in more than 1 of "
-    "20. Sure and wrong: the share of samples with a confidence of 0.5 and more and an error of more than "
-    "0.3 m; right of it the runs with more than 1 % of them. Time is the median of what the detector's "
+    "By the runs that keep their limits, then by the mean error of the edge. Means, and mean differences to "
+    "{} of the same case, point and seed, with the interval that holds them with 95 %; not shown where that "
+    "holds 0. Beside a smaller error stands the share of runs with a harm that so many pairs cannot exclude, "
+    "and the mean over the tenth of the pairs that is worst. Sure and wrong: the share of samples with a "
+    "confidence of 0.5 and more and an error of more than 0.3 m; right of it the runs with more than 1 % of "
+    "them. Time is the median of what the detector's "
     "step took, on the machine and beside the work that there was."
 )
 ABOUT_CLAIMS = (
@@ -79,8 +81,9 @@ OPEN_LOOP = (
 )
 
 
-def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> Path:
-    """Write the page. shadow: all candidates but the first were in open loop."""
+def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False,
+                 nothing: Mapping[str, str] | None = None) -> Path:  # fmt: skip
+    """Write the page. shadow: all candidates but the first were in open loop; nothing: what tells nothing."""
     candidates = list(dict.fromkeys(cell.candidate for cell in cells))
     cases = list(dict.fromkeys(cell.case.name for cell in cells))
     by_place = {(cell.case.name, cell.candidate): cell for cell in cells}
@@ -177,6 +180,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False) -> 
         lead=f"{about}, {counted(sum(c.count for c in cells), 'run')}, swath {__version__}",
         verdict=_verdict(counts),
         top=[
+            *banners(nothing or {}),
             Banner(OPEN_LOOP.format(candidates[0])) if shadow else "",
             Banner(
                 f"{counted(unexpected, 'run')} pass{'es' if unexpected == 1 else ''} where the case says "

@@ -4,9 +4,10 @@ import hashlib
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from itertools import chain, islice
+from math import inf
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -36,6 +37,7 @@ from swath.tools.function_test.journal import (
     write_parquet,
     write_rows,
 )
+from swath.tools.function_test.judging.first_batch import FIRST, telling_nothing
 from swath.tools.function_test.judging.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
@@ -93,8 +95,17 @@ class Session:
                 move(self.folder / name, aside / name)
         print(f"note    the runs of other limits or another version of a file are kept in {aside}")
 
-    def runs(self) -> Iterator[PlannedRun]:
-        """The runs of the plan as they were called when it was made, in order."""
+    def runs(self, first: float = inf) -> Iterator[PlannedRun]:
+        """The runs of the plan as they were called when it was made, in order; first: so many of each case
+        with each candidate.
+        """
+        met = Counter[tuple[str, str]]()
+        for run in self._named():
+            met[run.case, run.candidate] += 1
+            if met[run.case, run.candidate] <= first:
+                yield run
+
+    def _named(self) -> Iterator[PlannedRun]:
         file = self.journals / RUNS
         if os.path.isfile(file):
             end = self.first + len(self.plan.points) if self.plan.points else None
@@ -115,19 +126,19 @@ class Session:
         now = json.dumps(hashes_by_path(list(self.plan.made_of)))
         return hashlib.sha256(now.encode()).hexdigest()[:6]
 
-    def left(self) -> Iterator[PlannedRun]:
+    def left(self, first: float = inf) -> Iterator[PlannedRun]:
         """Runs that are in no journal, each once: two candidates may come to the same scenario."""
         begun = set[str]()
         with Stored(self.journals) as stored:
-            for run in self.runs():
+            for run in self.runs(first):
                 if run.id not in begun and stored.get(run.id) is None:
                     begun.add(run.id)
                     yield run
 
-    def do(self, workers: int, done: Done, client: Any = None) -> None:
+    def do(self, workers: int, done: Done, client: Any = None, first: float = inf) -> None:
         """Do what is left on worker processes, or those of a client of dask; `done` gets each result.
 
-        InputError where a file of the plan is changed meanwhile.
+        first: as of `runs`. InputError where a file of the plan is changed meanwhile.
         """
 
         def unchanged(result: Result) -> None:
@@ -137,9 +148,9 @@ class Session:
             done(result)
 
         if client is not None:
-            run_on_cluster(self.left(), self.journals, client, unchanged)
+            run_on_cluster(self.left(first), self.journals, client, unchanged)
         else:
-            run_all(self.left(), self.journals, workers, unchanged)
+            run_all(self.left(first), self.journals, workers, unchanged)
 
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process."""
@@ -150,13 +161,13 @@ class Session:
                 done(journal.add(result))
         journal.close()
 
-    def results(self) -> list[Result]:
-        """Finished runs in the order of the plan."""
+    def results(self, first: float = inf) -> list[Result]:
+        """Finished runs in the order of the plan; first: as of `runs`."""
         with Stored(self.journals) as stored:
-            return list(self._each(stored))
+            return list(self._each(stored, first))
 
-    def _each(self, stored: Stored) -> Iterator[Result]:
-        for run in self.runs():
+    def _each(self, stored: Stored, first: float = inf) -> Iterator[Result]:
+        for run in self.runs(first):
             if (found := stored.get(run.id)) is not None:
                 whole = {
                     **found,
@@ -166,6 +177,17 @@ class Session:
                 with readable("journal", "results of candidates in shadow", self.journals):
                     others = list(in_shadow(whole, run.shadows))
                 yield from (whole, *others)
+
+    @property
+    def telling_nothing(self) -> dict[str, str]:
+        """Limits and candidates that tell nothing in the first runs, each with a line that says so."""
+        changed = {f"candidate {name}": [name] for name in self.plan.candidates}
+        return telling_nothing([*self._as_now(self.results(FIRST))], changed=changed)
+
+    def _as_now(self, results: Iterable[Result]) -> Iterator[Result]:
+        """Results judged by the limits that the cases have now."""
+        now = {case.name: PresentLimits(case) for case in self.plan.found}
+        return (now[result["case"]].judge(result) for result in results)
 
     def cells(self, *, again: bool = False) -> list[Cell]:
         """Judged cells; again: against the limits that the cases have now. InputError where one is gone."""
@@ -178,8 +200,7 @@ class Session:
         with Stored(self.journals) as stored:
             results = self._each(stored)
             if again:
-                now = {case.name: PresentLimits(case) for case in self.plan.found}
-                results = (now[result["case"]].judge(result) for result in results)
+                results = self._as_now(results)
             return cells_of(self.plan.found, self.plan.candidates, counts, results)
 
     def table(self) -> Path:

@@ -62,13 +62,15 @@ def tell(found: Any) -> int:
     """Pages, and what was found on the screen; returns the exit code."""
     from swath.core.process.shell import command
     from swath.terminal.tables import table
-    from swath.tools.tune.page import difference_rows, write_tuned
+    from swath.tools.tune.page import caveats, difference_rows, write_tuned
     from swath.tools.tune.tune import PARTS
 
     page = write_tuned(found)
     rows = [row for part in found.proofs for row in difference_rows(found, part)]
-    table("", ("proven by", "winner - shipped", "pairs", "difference", "99 %", "shown"), rows)
+    table("", ("proven by", "winner - shipped", "pairs", "mean difference", "99 %", "shown"), rows)
     for part, proof in found.proofs.items():
+        for name, text in caveats(found, part).items():
+            print(f"{PARTS[part]}: {name} better: {text}")
         if any(proof.failed):
             shipped, mine = proof.failed
             print(f"{PARTS[part]}: {mine} runs of the winner do not pass, {shipped} as shipped")

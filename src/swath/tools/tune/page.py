@@ -11,7 +11,9 @@ from swath import __version__
 from swath.core.files.whole_file import write_whole
 from swath.core.process.shell import command
 from swath.report.chart import Chart
-from swath.report.html import Facts, Html, Section, Table, bar, element, joined, write_page
+from swath.report.html import Facts, Section, Table, element, write_page
+from swath.tools.function_test.judging.first_batch import banners
+from swath.tools.function_test.search.page import index
 from swath.tools.tune.optimiser import Measured, Tried, as_one, what_matters
 from swath.tools.tune.parameters import sets_at
 from swath.tools.tune.tune import (
@@ -27,14 +29,14 @@ from swath.tools.tune.tune import (
 )
 
 WIDE, HIGH, SIDE = 640.0, 180.0, 300.0  # of the history and of the front [px]
-PROOF = ("proven by", "metric", "pairs", "winner less shipped", "99 %", "shown")
+PROOF = ("proven by", "metric", "pairs", "winner less shipped, mean", "99 %", "shown")
 PARAMETERS = ("parameter", "range", "winner", "share of the variance, alone", "with all that it acts with")
 FRONT = ("setting", "values")
 ABOUT_PROOF = (
-    "Pairs of the same case, point and seed, by seeds that no setting was measured by: Hodges and Lehmann's "
-    "estimate with Wilcoxon's interval. A limit that is broken more often than as shipped is never bought by "
-    "a better aim. The verdict is that of the other conditions; where they show nothing and the tuned ones "
-    "do, the winner is better in the tuned cases only."
+    "Pairs of the same case, point and seed, by seeds that no setting was measured by: the mean difference, "
+    "as settings are chosen by means, with its interval. A limit that is broken more often than as shipped "
+    "is never bought by a better aim. The verdict is that of the other conditions; where they show nothing "
+    "and the tuned ones do, the winner is better in the tuned cases only."
 )
 ABOUT_HISTORY = (
     "Each setting, in order. Crosses break a limit. The dashed line is what was shipped, the large dot the "
@@ -56,7 +58,7 @@ def write_tuned(found: Tuned) -> Path:
     against = command("test", "run", "CASE", "--with", found.folder / CANDIDATES, "--out", "DIR")
     indices = what_matters(tune.parameters, found.tried)
     matters = [
-        [element("code", key), p.text, str(found.winner[key]), _share(alone), _share(whole)]
+        [element("code", key), p.text, str(found.winner[key]), index(alone), index(whole)]
         for p, (key, alone, whole) in zip(tune.parameters, indices, strict=True)
     ]
     sections = [
@@ -82,6 +84,7 @@ def write_tuned(found: Tuned) -> Path:
         heading=f"Tuned: {', '.join(p.key for p in tune.parameters)}",
         lead=f"{cases}; {len(found.tried)} settings, {tune.each} runs each, swath {__version__}",
         verdict=(look, found.verdict, f"by {', '.join(tune.directions)}"),
+        top=banners(found.telling_nothing),
     )
 
 
@@ -95,10 +98,19 @@ def difference_rows(found: Tuned, part: str) -> list[list[str]]:
     return rows
 
 
+def caveats(found: Tuned, part: str) -> dict[str, str]:
+    """What stands beside the aims that a part of the proof shows to be better."""
+    proof, directions = found.proofs[part].found, found.tune.directions
+    better = [name for name in proof.differences if says_of(proof, name, directions[name]) == "better"]
+    return {name: proof.beside(name, directions[name]) for name in better}
+
+
 def _proof(found: Tuned) -> list[list[str]]:
     rows = []
     for part, proof in found.proofs.items():
-        rows += difference_rows(found, part)
+        beside = caveats(found, part)
+        for *row, said in difference_rows(found, part):
+            rows.append([*row, f"{said}; {beside[row[1]]}" if row[1] in beside else said])
         shipped, mine = proof.failed
         rows.append(
             [PARTS[part], "runs that do not pass", "", f"{mine - shipped:+d}", f"{shipped} as shipped", ""]
@@ -176,7 +188,3 @@ def _settings(found: Tuned) -> list[list[str]]:
         name = _title(found, n).partition("; ")[0] + " (winner)" * (n == found.best)
         rows.append([name, _values(found, found.tried[n].measured)])
     return rows
-
-
-def _share(share: float) -> Html:
-    return joined((bar(share), f"{share:.2f}"))

@@ -28,8 +28,10 @@ from swath.tools.function_test.candidates import SHIPPED
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.compare import VERDICTS, Comparison, better_of, compare
 from swath.tools.function_test.journal import write_table
+from swath.tools.function_test.judging.first_batch import metric_of, name_first, telling_nothing
 from swath.tools.function_test.judging.judged import UNJUDGED
 from swath.tools.function_test.judging.margin import MARGIN, judged_margin
+from swath.tools.function_test.judging.paired import not_excluded
 from swath.tools.function_test.plan import Plan, code_hash
 from swath.tools.function_test.pool import Done
 from swath.tools.function_test.session import Session, claim_folder
@@ -39,6 +41,7 @@ from swath.tools.tune.parameters import Parameter, as_sets, read_parameter, sets
 
 TUNE, CANDIDATES, WINNER = "tune.json", "candidates.yaml", "winner.yaml"
 TUNED = "tuned"  # candidate: the winner; folder: of the runs that settings were measured by
+ALONE = "alone"  # folder of runs in which one of several slots is changed
 FRESH, UNSEEN = "fresh", "unseen"  # folders of the proof: seeds are others; conditions, too
 PARTS = {FRESH: "tuned conditions, other seeds", UNSEEN: "other conditions, other seeds"}
 ALPHA = 0.01  # chance of calling better in either part what is not
@@ -78,6 +81,14 @@ class Tune:
     def parameters(self) -> list[Parameter]:
         """What is tuned."""
         return [read_parameter(text) for text in self.params]
+
+    @cached_property
+    def slots(self) -> dict[str, list[str]]:
+        """Keys that are tuned, by the slot of a machine, or section of the scenario, that they belong to."""
+        found: dict[str, list[str]] = {}
+        for parameter in self.parameters:
+            found.setdefault(".".join(parameter.key.split(".")[:2]), []).append(parameter.key)
+        return found
 
     @cached_property
     def directions(self) -> dict[str, str]:
@@ -127,6 +138,8 @@ class Tuned:
         Number of the winner.
     proofs : mapping of str to Proof
         The parts of the proof that there are.
+    telling_nothing : mapping of str to str
+        Limits, aims and slots that told nothing in the first runs, each with a line that says so.
     """
 
     folder: Path
@@ -135,6 +148,7 @@ class Tuned:
     shipped: Measured
     best: int
     proofs: Mapping[str, Proof]
+    telling_nothing: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
@@ -168,7 +182,8 @@ def source_of(case: str | Path) -> str:
 
 def runs_of(tune: Tune) -> int:
     """How many runs a tuning has at most."""
-    return (tune.tries + 1) * tune.each + 2 * 2 * tune.proof
+    alone = len(tune.slots) if len(tune.slots) > 1 else 0
+    return (tune.tries + 1 + alone) * tune.each + 2 * 2 * tune.proof
 
 
 @workers_kept()
@@ -180,6 +195,7 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
     draws = _check(tune)
     claim_folder(folder / TUNE, tune, "a tuning")
     settings: dict[str, list[str]] = {SHIPPED: []}
+    nothing: dict[str, str] = {}
 
     def do(part: str, cases: Mapping[str, tuple[Draw, ...]], candidates: Mapping[str, Any]) -> list[Result]:
         session = _session(folder / part, tune, cases, candidates)
@@ -187,14 +203,31 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
         session.do(workers, done, client)
         return session.results()
 
+    def of_slots(first: list[Result], new: Mapping[str, list[str]]) -> dict[str, Any]:
+        """What is tuned, with the candidates that change nothing else; several slots are run alone for it."""
+        whole = {" and ".join(tune.slots): new}
+        if len(tune.slots) == 1 or telling_nothing(first, changed=whole).keys() >= whole.keys():
+            return whole
+        sets = next(iter(new.values()))
+        alone = {
+            slot: [text for text in sets if text.partition("=")[0] in keys]
+            for slot, keys in tune.slots.items()
+        }
+        first += do(ALONE, draws.tuned, alone)
+        return {slot: [slot] for slot in alone}
+
     def measure(some: F64) -> list[Measured]:
         new = {f"t{len(settings) + n}": as_sets(sets_at(tune.parameters, at)) for n, at in enumerate(some)}
         settings.update(new)
         results = do(TUNED, draws.tuned, new)
+        if len(settings) == 1 + len(new):
+            first = [*before, *results]
+            name_first(nothing, telling_nothing(first, tune.directions, of_slots(first, new), _value))
         return [measured([r for r in results if r["candidate"] == name], tune.directions) for name in new]
 
     before = do(TUNED, draws.tuned, {SHIPPED: []})
     _check_aims(tune, before)
+    name_first(nothing, telling_nothing(before))
     tried = optimise(tune.parameters, len(tune.aims), tune.tries, tune.seed, measure)
     best = winner(tried)
     whole = _session(folder / TUNED, tune, draws.tuned, settings)
@@ -207,7 +240,7 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
         if cases:
             results = do(part, cases, {SHIPPED: [], TUNED: as_sets(found.winner)})
             proofs[part] = _proof(folder / part, results, tune.directions)
-    return Tuned(folder, tune, tried, found.shipped, best, proofs)
+    return Tuned(folder, tune, tried, found.shipped, best, proofs, nothing)
 
 
 def measured(results: Sequence[Result], directions: Mapping[str, str]) -> Measured:
@@ -226,12 +259,12 @@ def measured(results: Sequence[Result], directions: Mapping[str, str]) -> Measur
 
 
 def _value(result: Result, name: str) -> float:
-    value = judged_margin(result, "") if name == MARGIN else result["metrics"].get(name)
+    value = metric_of(result, name)
     return nan if value is None else float(value)
 
 
 def _proof(folder: Path, results: Sequence[Result], directions: Mapping[str, str]) -> Proof:
-    """The verdict of `swath test compare` on the aims, with an interval of 99 %."""
+    """The verdict of `swath test compare` on the means of the aims, with an interval of 99 %."""
     rows = [
         {**r, "metrics": {**r["metrics"], MARGIN: v if isfinite(v := _value(r, MARGIN)) else None}}
         for r in results
@@ -382,9 +415,12 @@ def write_winner(found: Tuned) -> Path:
 def as_json(found: Tuned) -> str:
     """What was found, for other programs."""
     differences = {
-        part: {name: {"difference": d.estimate, "low": d.low, "high": d.high, "pairs": d.count,
-                      "says": says_of(proof.found, name, found.tune.directions[name])}
+        part: {name: {"mean_difference": d.estimate, "mean_low": d.low, "mean_high": d.high, "pairs": d.count,
+                      "says": says_of(proof.found, name, found.tune.directions[name]),
+                      "worst_tenth_mean": d.worst_tenth(found.tune.directions[name]),
+                      "harm_not_excluded": not_excluded(d.count)}
                for name, d in proof.found.differences.items()}
         for part, proof in found.proofs.items()
     }  # fmt: skip
-    return json.dumps({"verdict": found.verdict, "winner": found.winner, "proof": differences}, indent=2)
+    plain = {"verdict": found.verdict, "winner": found.winner, "proof": differences}
+    return json.dumps({**plain, "telling_nothing": [*found.telling_nothing.values()]}, indent=2)

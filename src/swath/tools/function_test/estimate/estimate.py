@@ -31,6 +31,7 @@ from swath.tools.function_test.estimate.rare import (
     log_exposure,
     rate_of,
 )
+from swath.tools.function_test.judging.first_batch import margin_telling_nothing, name_first
 from swath.tools.function_test.judging.margin import judged_margin
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash
@@ -216,6 +217,11 @@ class Estimated:
         return "a longer search (--budget) or a limit nearer to what the runs do is needed"
 
     @property
+    def telling_nothing(self) -> dict[str, str]:
+        """What tells nothing in the first round, each with a line that says so."""
+        return margin_telling_nothing((*self.rounds, self.last)[0].results, self.asked.limit)
+
+    @property
     def blind(self) -> float:
         """Probability above which a region of failures that the search overlooked would have been met in the
         last round, with 95 %: 3 over its runs drawn as the exposure.
@@ -345,11 +351,16 @@ def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client
     case = check(asked)
     claim_folder(folder / ESTIMATE, asked, "an estimate")
 
+    seen: list[Session] = []
+
     def do(session: Session) -> None:
         if not session.first:
             session.plan.check()
         session.write()
         session.do(workers, done, client)
+        if not seen:
+            name_first({}, margin_telling_nothing(session.results(), asked.limit))
+        seen.append(session)
 
     return _gone_through(folder, asked, case, do)
 

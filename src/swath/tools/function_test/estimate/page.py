@@ -12,6 +12,7 @@ from swath.report.chart import Chart
 from swath.report.html import Banner, Facts, Section, Table, element, write_page
 from swath.signals import F64
 from swath.tools.function_test.estimate.estimate import Estimated
+from swath.tools.function_test.judging.first_batch import banners
 from swath.tools.function_test.judging.verdict import BROKEN, SHOWN
 from swath.tools.function_test.junit import write_suites
 from swath.tools.function_test.page import failures
@@ -75,7 +76,11 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
         heading=f"Probability of failure of {found.case.name}",
         lead=f"{found.case.file.objective}; {found.limit}, swath {__version__}",
         verdict=(kind, f"{rate.value:.2g} a run" if given else "no number", said),
-        top=[*(Banner(f"No number is given: {said}.") for said in found.refusals), Facts(_facts(found))],
+        top=[
+            *banners(found.telling_nothing),
+            *(Banner(f"No number is given: {said}.") for said in found.refusals),
+            Facts(_facts(found)),
+        ],
     )
 
 

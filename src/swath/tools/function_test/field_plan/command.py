@@ -54,9 +54,11 @@ def _plan(args: argparse.Namespace) -> int:
         planned = replace(planned, passes=left)
     form = write_form(planned, FORM if args.filled is None else NEXT)
     names = list(planned.case.file.vary)
-    rows = [(str(n), *(str(each.condition.point[name]) for name in names), f"{100 * each.narrows:.0f} %")
+    rows = [(str(n), *(str(each.condition.point[name]) for name in names), planned.narrowed(each.narrows))
             for n, each in enumerate(planned.passes, 1)]  # fmt: skip
-    table("", ("pass", *names, "narrows"), rows)
+    table("", ("pass", *names, "narrows [%]"), rows)
+    if planned.doubts_nothing:
+        print(f"no doubt to share: {planned.doubts_nothing}")
     print(f"form    {form}")
     print(f"report  {write_plan(planned)}")
     return 0

@@ -99,7 +99,7 @@ def write_form(planned: Planned, name: str = FORM) -> Path:
     for number, each in enumerate(planned.passes):
         recorded = "; ".join(logs(scenario_at(planned, each.condition.point)))
         rows.append({
-            "pass": number + 1, **each.condition.point, "narrows_percent": f"{100 * each.narrows:.1f}",
+            "pass": number + 1, **each.condition.point, "narrows_percent": planned.narrowed(each.narrows, 1),
             FIXED: same, "why": why(planned, number), "measure": what, "record": recorded,
             **dict.fromkeys(FILLED, ""),
         })  # fmt: skip

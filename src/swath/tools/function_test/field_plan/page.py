@@ -9,6 +9,7 @@ from swath.report.html import Beside, Items, Section, Table, write_page
 from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.field_plan.form import FORM, fixed, instruments, logs, scenario_at, why
 from swath.tools.function_test.field_plan.plan import Planned, places_of
+from swath.tools.function_test.judging.first_batch import banners
 
 SIDE = 260.0  # of a chart [px]
 MOST_CHARTS = 6
@@ -33,18 +34,19 @@ def write_plan(planned: Planned) -> Path:
         [
             str(n + 1),
             *(_said(p.condition.point[name]) for name in names),
-            _percent(p.narrows),
+            planned.narrowed(p.narrows),
             why(planned, n),
         ]
         for n, p in enumerate(planned.passes)
     ]
     same = "; ".join(fixed(planned))
     recorded = logs(scenario_at(planned, planned.conditions[0].point))
+    nothing = planned.doubts_nothing
     together = sum(each.narrows for each in planned.passes)
     return write_page(
         planned.folder / "report.html",
         [
-            Table("Passes", ("", *names, "narrows", "why"), rows, (0,), ABOUT_FORM.format(FORM)),
+            Table("Passes", ("", *names, "narrows [%]", "why"), rows, (0,), ABOUT_FORM.format(FORM)),
             Section("In every pass", [Items([*recorded, *instruments(planned), f"as well: {same}"])]),
             evidence_table(planned.folder),
             Section("Where levels differ", [Beside(_charts(planned, names))]),
@@ -52,7 +54,9 @@ def write_plan(planned: Planned) -> Path:
         ],
         heading=f"Real passes for {planned.case.name}",
         lead=f"{planned.case.file.objective}; compared: {', '.join(planned.other)}; swath {__version__}",
-        verdict=("none", f"{len(planned.passes)} passes", f"take away {_percent(together)} of the doubt"),
+        verdict=("none", f"{len(planned.passes)} passes", f"no doubt to share: {nothing}" if nothing else
+                 f"take away {planned.narrowed(together)} % of the doubt"),
+        top=banners(planned.telling_nothing),
     )  # fmt: skip
 
 
@@ -75,10 +79,6 @@ def _charts(planned: Planned, names: Sequence[str]) -> list[Chart]:
             chart.dot(float(place[column]), abs(condition.apart) / most, title=title, fill=fill)
         charts.append(chart)
     return charts
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
 
 
 def _said(value: object) -> str:

@@ -30,8 +30,9 @@ from swath.tools.function_test.case import Case, Point, Scalar, find_cases
 from swath.tools.function_test.estimate.estimate import distribution_of
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
 from swath.tools.function_test.field_plan.seen import REFERENCE, SCANS, heights_of
+from swath.tools.function_test.judging.first_batch import FIRST, name_first, telling_nothing
 from swath.tools.function_test.judging.judged import beyond
-from swath.tools.function_test.judging.margin import MARGIN, margin
+from swath.tools.function_test.judging.margin import MARGIN, margin, margin_of
 from swath.tools.function_test.judging.verdict import SHOWN
 from swath.tools.function_test.odd.campaign import Conducted, open_campaign
 from swath.tools.function_test.odd.coverage import driven_of
@@ -92,12 +93,14 @@ class Condition:
     apart: size of the difference of the metric between the levels
     unshown: share of its cells that are not shown
     unchecked: slots and quantities that are outside the range in which their level was checked
+    broken: the one limit that both break and whose margin is that of both, "" = they are not so alike
     """
 
     point: Point
     apart: float
     unshown: float
     unchecked: Sequence[str]
+    broken: str = ""
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,10 @@ class Pass:
 
 @dataclass(frozen=True)
 class Planned:
-    """A plan. usual: what levels usually differ by; other: changes that were compared."""
+    """A plan. usual: what levels usually differ by; other: changes that were compared.
+
+    telling_nothing: what told nothing in the first runs, each with a line that says so
+    """
 
     folder: Path
     asked: FieldPlan
@@ -119,6 +125,25 @@ class Planned:
     conditions: Sequence[Condition]
     passes: Sequence[Pass]
     usual: float
+    telling_nothing: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def doubts_nothing(self) -> str:
+        """Why no share of a doubt can be said, "" where it can: levels differ somewhere by more than a limit
+        that both break.
+        """
+        if any(c.apart > 0.0 and not c.broken for c in self.conditions):
+            return ""
+        equal, broken = (
+            sum(c.apart == 0.0 for c in self.conditions),
+            [c.broken for c in self.conditions if c.broken],
+        )
+        rest = f", and both break {', '.join(sorted(set(broken)))} in {len(broken)}" if broken else ""
+        return f"{self.asked.metric} is the same in {equal} of {len(self.conditions)} pairs{rest}"
+
+    def narrowed(self, share: float, digits: int = 0) -> str:
+        """A share of the doubt [%], "" where there is none."""
+        return "" if self.doubts_nothing else f"{100 * share:.{digits}f}"
 
 
 def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client: Any = None,
@@ -152,11 +177,15 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
         plan.check()
         session = Session(folder / PAIRS, plan)
         session.write()
+        session.do(workers, done, client, FIRST)
+        some = session.results(FIRST)
+        nothing = telling_nothing(some, [asked.metric], {", ".join(other): [OTHER]}, value_of)
+        name_first({}, nothing)
         session.do(workers, done, client)
     conditions = conditions_of(session.results(), asked.metric, found, other)
     scale = spread(case, conditions)
     passes = choose(case, conditions, scale, asked.runs, known)
-    return Planned(folder, asked, case, other, conditions, passes, _usual(conditions))
+    return Planned(folder, asked, case, other, conditions, passes, _usual(conditions), nothing)
 
 
 def _source(source: str) -> tuple[Conducted | None, Case]:
@@ -216,7 +245,9 @@ def conditions_of(
             if any(text.startswith((f"{slot}.", f"{slot}=")) for text in other)
         }
         unchecked = sorted({f"{slot} {quantity}" for slot, quantity, _ in beyond(a)} | never)
-        out.append(Condition(a["point"], apart, _unshown(a, found, verdicts), unchecked))
+        broken = _nearest_broken(a) & _nearest_broken(b) if metric == MARGIN else set()
+        unshown = _unshown(a, found, verdicts)
+        out.append(Condition(a["point"], apart, unshown, unchecked, ", ".join(sorted(broken))))
     known = [abs(c.apart) for c in out if c.apart < inf]
     if len(known) < 2:
         raise InputError("--metric", metric, "expected pairs of runs that have it, there are fewer than two")
@@ -231,6 +262,13 @@ def value_of(result: Result, metric: str) -> F64 | None:
     else:
         found = margin(result) if metric == MARGIN else result["metrics"].get(metric)
     return None if found is None else np.atleast_1d(np.asarray(found, float))
+
+
+def _nearest_broken(result: Result) -> set[str]:
+    """The limit by which a run breaks its limits farthest, or several alike; empty where it breaks none."""
+    of = {f"{e['subject']}.{e['name']}": margin_of(e) for e in result["expect"]}
+    least = min(of.values(), default=0.0)
+    return {name for name, value in of.items() if value == least < 0.0}
 
 
 def _unshown(result: Result, found: Conducted | None, verdicts: Mapping[tuple[int, ...], str]) -> float:

@@ -4,15 +4,15 @@ from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
-from math import isfinite, nan, sqrt
+from math import fsum, inf, isfinite, nan
 from statistics import median
 from typing import Any
 
-from swath.tools.function_test.judging.paired import ALPHA, difference
+from swath.tools.function_test.judging.paired import ALPHA, caveat, difference, mean_interval
 
 METRICS = {"edge_rmse_m": "edge RMSE", "lateral_rms_m": "lateral RMS"}  # that are ranked by, in cm
 SURE_WRONG, EDGE_US = "sure_wrong_share", "edge_us"  # a metric; of a result: time of an edge detector's step
-HEAD = ("rank", "candidate", "runs pass", *(f"{name}, median (95 %)" for name in METRICS.values()),
+HEAD = ("rank", "candidate", "runs pass", *(f"{name}, mean (95 %)" for name in METRICS.values()),
         *(f"{name} less the first's (95 %)" for name in METRICS.values()),
         "sure and wrong, mean", "runs above 1 %", "time a scan")  # fmt: skip
 
@@ -40,11 +40,11 @@ class Measured:
 
 
 def ranking(cells: Sequence[Any]) -> list[list[str]]:
-    """Rows of HEAD, the best candidate first: by runs that pass, then by the median of the first metric."""
+    """Rows of HEAD, the best candidate first: by runs that pass, then by the mean of the first metric."""
     names = list(dict.fromkeys(cell.candidate for cell in cells))
     of = {name: [cell for cell in cells if cell.candidate == name] for name in names}
     first = next(iter(METRICS))
-    order = sorted(names, key=lambda name: (-_passed(of[name])[0], _middle(_all(of[name], first))))
+    order = sorted(names, key=lambda name: (-_passed(of[name])[0], _mean(_all(of[name], first))))
     return [[str(rank), name, *_row(of[name], of[names[0]])] for rank, name in enumerate(order, 1)]
 
 
@@ -62,11 +62,11 @@ def by_tag(cells: Sequence[Any]) -> tuple[list[str], list[list[str]]]:
 def _row(mine: Sequence[Any], first: Sequence[Any]) -> list[str]:
     wrong = _all(mine, SURE_WRONG)
     cost = [v for v in _all(mine, EDGE_US) if isfinite(v)]
-    medians = [_told(*_with_interval(_all(mine, name))) for name in METRICS]
+    means = [_with_interval(_all(mine, name)) for name in METRICS]
     apart = [_apart(mine, first, name) if mine[0] is not first[0] else "" for name in METRICS]
     known = [value for value in wrong if isfinite(value)]
     return [
-        _of(_passed(mine)), *medians, *apart,
+        _of(_passed(mine)), *means, *apart,
         f"{100.0 * sum(known) / len(known):.2g} %" if known else "",
         _of((sum(value > 0.01 for value in known), len(known))) if known else "",
         f"{median(cost):.0f} us" if cost else "",
@@ -85,20 +85,16 @@ def _all(cells: Sequence[Any], name: str) -> list[float]:
     return [value for cell in cells for value in cell.measured.values[name]]
 
 
-def _middle(values: Sequence[float]) -> float:
-    """Median; what was not measured counts as the worst."""
-    return median(value if isfinite(value) else float("inf") for value in values) if values else float("inf")
+def _mean(values: Sequence[float]) -> tuple[int, float]:
+    """How many were not measured, which counts before all others, and the mean of the rest."""
+    known = [value for value in values if isfinite(value)]
+    return len(values) - len(known), fsum(known) / max(1, len(known))
 
 
-def _with_interval(values: Sequence[float]) -> tuple[float, float, float]:
-    """Median of what was measured, with the order statistics that hold it with 95 %."""
-    known = sorted(value for value in values if isfinite(value))
-    rank = round(0.5 * len(known) - 0.98 * sqrt(len(known)))
-    if not known:
-        return nan, nan, nan
-    return (
-        (median(known), known[rank - 1], known[len(known) - rank]) if rank > 0 else (median(known), nan, nan)
-    )
+def _with_interval(values: Sequence[float]) -> str:
+    """Mean of what was measured, with its interval."""
+    known = [value for value in values if isfinite(value)]
+    return _told(_mean(known)[1], *(mean_interval(known) if len(known) > 1 else (-inf, inf))) if known else ""
 
 
 def _apart(mine: Sequence[Any], first: Sequence[Any], name: str) -> str:
@@ -110,13 +106,15 @@ def _apart(mine: Sequence[Any], first: Sequence[Any], name: str) -> str:
     if not pairs:
         return ""
     found = difference(pairs)
-    return _told(found.estimate, found.low, found.high, "+") + ("" if found.p <= ALPHA else ", not shown")
+    told = _told(found.estimate, found.low, found.high, "+")
+    if found.p > ALPHA:
+        return f"{told}, not shown"
+    worst = f"worst tenth {100.0 * found.worst_tenth('lower'):+.1f} cm"
+    return f"{told}; {caveat(found.count, worst)}" if found.estimate < 0.0 else told
 
 
 def _told(middle: float, low: float, high: float, sign: str = "") -> str:
     """A value with its interval [m], in cm."""
-    if not isfinite(middle):
-        return ""
     around = (
         f" ({100.0 * low:{sign}.1f} to {100.0 * high:{sign}.1f})" if isfinite(low) and isfinite(high) else ""
     )

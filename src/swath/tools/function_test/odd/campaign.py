@@ -18,6 +18,7 @@ from swath.core.files.output_folder import check_folder
 from swath.core.files.whole_file import copy_whole, write_whole
 from swath.runtime.workers import workers_kept
 from swath.tools.function_test.case import Claim, Point
+from swath.tools.function_test.judging.first_batch import name_first, telling_nothing
 from swath.tools.function_test.odd.binding import Odd, read_odd
 from swath.tools.function_test.odd.causes import Cause, causes_of
 from swath.tools.function_test.odd.cells import OddCell, judged, needed_each
@@ -79,6 +80,11 @@ class Conducted:
         """All runs are done, and their number stood fast before the first was judged."""
         return len(self.campaign.budgets) == 1 and len(self.results) >= self.campaign.budgets[0]
 
+    @property
+    def telling_nothing(self) -> dict[str, str]:
+        """What tells nothing in the first round, each with a line that says so."""
+        return telling_nothing(self.results[:ROUND])
+
     def cells(self) -> list[OddCell]:
         """All cells with their verdicts."""
         return judged(self.coverage, self.claim, is_complete=self.is_complete)
@@ -112,6 +118,8 @@ def conduct(
         for result in part.results():
             results.append(result)
             coverage.add(driven_of(odd, result))
+        if len(points) == count:
+            name_first({}, telling_nothing(results))
     return Conducted(_session(folder, campaign, points), campaign, odd, coverage, results)
 
 

@@ -39,6 +39,7 @@ from swath.tools.function_test.cells import cells_of, errors_of
 from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.fidelity import levels_of
 from swath.tools.function_test.in_step import is_number
+from swath.tools.function_test.judging.first_batch import banners
 from swath.tools.function_test.judging.judged import ERROR, beyond
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, lower_bound, upper_bound
 from swath.tools.function_test.junit import write_junit, write_suites
@@ -318,7 +319,12 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         heading=f"Dossier: {found.odd.name}",
         lead=found.odd.file.objective,
         verdict=_verdict(cells, len(broken)),
-        top=[Banner(NO_CERTIFICATE), Facts(_facts(found, cells)), *_about(found)],
+        top=[
+            Banner(NO_CERTIFICATE),
+            *banners(found.telling_nothing),
+            Facts(_facts(found, cells)),
+            *_about(found),
+        ],
     )
 
 

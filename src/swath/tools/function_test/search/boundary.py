@@ -10,6 +10,7 @@ al. 2010, doi:10.1007/978-3-642-10701-6_6).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import nan
 
 import numpy as np
 
@@ -98,8 +99,11 @@ class Boundary:
         """For each parameter: its share of the margin's variance alone, and with all that it acts with.
 
         Sobol's first and total index of the fitted margin by the estimators of Saltelli et al. 2010
-        (doi:10.1016/j.cpc.2009.09.018, table 2b and 2f), parameters uniform in their ranges.
+        (doi:10.1016/j.cpc.2009.09.018, table 2b and 2f), parameters uniform in their ranges; nan where the
+        margins of all runs are alike.
         """
+        if np.ptp(self.margins) == 0.0:
+            return [(name, nan, nan) for name in self.names]
         count = len(self.names)
         both = sobol_points(2048, 2 * count)
         a, b = both[:, :count], both[:, count:]

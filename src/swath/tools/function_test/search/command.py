@@ -40,6 +40,7 @@ def _search(args: argparse.Namespace) -> int:
 
 def tell(found: Any, check: Path | None = None) -> int:
     """Table, page and what the search shows on the screen."""
+    from swath.report.html import signed
     from swath.terminal.tables import table
     from swath.tools.function_test.journal import write_table
     from swath.tools.function_test.search.page import write_search
@@ -50,7 +51,7 @@ def tell(found: Any, check: Path | None = None) -> int:
     page = write_search(found.folder / "report.html", found, checked)
     ranges = found.ranges
     rows = [
-        (name, "{:g} to {:g}".format(*ranges[name]), f"{first:.2f}", f"{total:.2f}")
+        (name, "{:g} to {:g}".format(*ranges[name]), signed(first, 2), signed(total, 2))
         for name, first, total in boundary.sensitivities()
     ]
     table("", ("parameter", "range", "share of the variance, alone", "with others"), rows)

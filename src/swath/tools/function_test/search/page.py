@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from itertools import combinations
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from swath import __version__
 from swath.report.chart import Chart
 from swath.report.html import Beside, Facts, Html, Section, Table, bar, element, joined, write_page
+from swath.tools.function_test.judging.first_batch import banners
 from swath.tools.function_test.page import failures, point_text
 from swath.tools.function_test.search.boundary import Boundary
 from swath.tools.function_test.search.search import Searched
@@ -32,8 +34,8 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
     rows = [(run, f"{margin:+.2f}") for run, margin in _nearest_first(found, failed)][:FAILED_MAX]
     maps = [_map(found, boundary, x, y) for x, y in combinations(range(len(found.ranges)), 2)]
     sensitivities = [
-        [name, element("code", found.case.file.vary[name].key), "{:g} to {:g}".format(*ends), _index(first),
-         _index(total)]
+        [name, element("code", found.case.file.vary[name].key), "{:g} to {:g}".format(*ends), index(first),
+         index(total)]
         for (name, first, total), ends in zip(boundary.sensitivities(), found.ranges.values(), strict=True)
     ]  # fmt: skip
     sections = [
@@ -49,19 +51,21 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
         lead=f"{found.case.file.objective}; {limit}, {count} runs, swath {__version__}",
         verdict=("none", f"{found.passed()[0]} of {count} pass", "chosen near the boundary"),
         top=[
+            *banners(found.telling_nothing),
             Facts(
                 {
                     "the runs": "; ".join(found.shows),
                     "left out, predicted correctly": f"{100 * boundary.right_of_left_out:.0f} % of the runs",
                     "other runs, predicted correctly": checked and "{} of {}".format(*checked),
                 }
-            )
+            ),
         ],
     )
 
 
-def _index(share: float) -> Html:
-    return joined((bar(share), f"{share:.2f}"))
+def index(share: float) -> Html:
+    """A share of a variance; a dash where there is none."""
+    return joined((bar(share), f"{share:.2f}")) if isfinite(share) else joined(("–",))
 
 
 def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:

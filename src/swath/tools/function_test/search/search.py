@@ -19,6 +19,7 @@ from swath.runtime.workers import workers_kept
 from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of
 from swath.tools.function_test.journal import TABLE, read_table
+from swath.tools.function_test.judging.first_batch import margin_telling_nothing, name_first
 from swath.tools.function_test.judging.margin import judged_margin
 from swath.tools.function_test.judging.verdict import describe, lower_bound, verdict
 from swath.tools.function_test.plan import Plan, code_hash
@@ -88,6 +89,11 @@ class Searched:
             *([f"{len(errors)} runs came to an error, the first: {errors[0]}"] if errors else []),
             *([f"{left} runs not judged: a level was outside its checked range"] if left else []),
         ]
+
+    @property
+    def telling_nothing(self) -> dict[str, str]:
+        """What tells nothing in the runs before those at the boundary, each with a line that says so."""
+        return margin_telling_nothing(self.results[: self._evenly_spread()], self.search.limit)
 
     def margins(self, results: Sequence[Result]) -> F64:
         """Margins to the limit that is asked for, (n,), nan where nothing is judged."""
@@ -180,6 +186,8 @@ def run_search(
         session.write()
         session.do(workers, done, client)
         found = replace(found, results=session.results())
+        if len(points) == len(more):
+            name_first({}, found.telling_nothing)
     return found
 
 
