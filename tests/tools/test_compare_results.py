@@ -121,6 +121,19 @@ def test_beside_what_is_better_stands_what_the_runs_cannot_exclude(folders, caps
     assert said in capsys.readouterr().out
 
 
+def test_a_limit_that_all_runs_of_both_break_is_named(folders, capsys):
+    broken = {
+        "subject": "combine",
+        "name": "distance_m",
+        "limit": {"min": 25},
+        "value": 4.0,
+        "result": "fail",
+    }
+    rows = [{**row, "verdict": "fail", "expect": [broken]} for row in made(np.random.default_rng(3), 6)]
+    assert main(["test", "compare", *folders(rows, rows)]) == 0
+    assert "note    all 12 runs break combine.distance_m (min 25)" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
 def test_what_is_shown_is_what_the_interval_excludes(confidence):
     """Whatever is drawn; a sign that all pairs have is not shown by so few that chance gives it."""

@@ -1,6 +1,7 @@
 """What the first runs show to tell nothing: on drawn results, and in every tool that does runs in batches."""
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,19 +9,16 @@ import pytest
 
 from swath.commands.main import main
 from swath.tools.function_test import cheaper
-from swath.tools.function_test.estimate.estimate import Estimate, run_estimate
 from swath.tools.function_test.field_plan.page import write_plan
 from swath.tools.function_test.field_plan.plan import FieldPlan, plan_field
 from swath.tools.function_test.judging import first_batch
 from swath.tools.function_test.judging.first_batch import telling_nothing
 from swath.tools.function_test.judging.margin import MARGIN
-from swath.tools.function_test.odd.campaign import Campaign, conduct, revision_of
 from swath.tools.function_test.one_run import no_result
-from swath.tools.function_test.search.search import Search, run_search
 from swath.tools.tune.tune import Tune, run_tune
 from tests.tools.fake_work import here
 from tests.tools.odd_files import result_of as odd_result
-from tests.tools.odd_files import small_odd
+from tests.tools.odd_files import write_odd
 
 TOOLS = Path(first_batch.__file__).parents[2]
 ENGINES = {"function_test/session.py", "function_test/one_run.py", "function_test/pool.py"}
@@ -69,34 +67,24 @@ def ignore(result):
     """For each new result."""
 
 
-def _tune(case, out, **more):
-    params = ("combine.steer.lookahead_m=2..8", "combine.lidar.rate_hz=5..25")
-    asked = Tune(
-        (str(case),), params, **{"aims": ("lateral_rms_m",), "tries": 10, "each": 3, "proof": 10, **more}
-    )
-    return run_tune(out, asked, 1, ignore)
+TUNE = ["--aim", "lateral_rms_m", "--tries", "10", "--each", "3", "--proof", "10"]
+TWO_SLOTS = ["--param", "combine.steer.lookahead_m=2..8", "--param", "combine.lidar.rate_hz=5..25"]
+DRIVEN = {  # by module that does runs in batches: the command, before its folder
+    "tune/tune.py": ["tune", "CASE", *TWO_SLOTS, *TUNE],
+    "function_test/search/search.py": ["test", "search", "CASE", "--budget", "24"],
+    "function_test/estimate/estimate.py": ["test", "estimate", "CASE", "--budget", "120"],
+    "function_test/odd/campaign.py": ["test", "run", "--odd", "ODD", "--runs", "110"],
+    "function_test/field_plan/plan.py": ["test", "plan-field", "CASE", "--pairs", "12", "--runs", "2"],
+    "function_test/command.py": ["test", "run", "CASE"],
+    "function_test/cheaper.py": ["test", "levels", "CASE"],
+}
 
 
-def _odd(case, out):
-    odd = small_odd(out.parent / "odd")
-    return conduct(out, Campaign(odd.name, revision_of(odd), (110,)), odd, 1, ignore)
-
-
-def _levels(case, out):
-    return cheaper.find_cheaper(str(case), runs=4)
-
-
-DRIVEN = {  # by module that does runs in batches: what begins it
-    "tune/tune.py": _tune,
-    "function_test/search/search.py": lambda case, out: run_search(out, Search(str(case)), 24, 1, ignore),
-    "function_test/estimate/estimate.py":
-        lambda case, out: run_estimate(out, Estimate(str(case), budget=120), 1, ignore),
-    "function_test/odd/campaign.py": _odd,
-    "function_test/field_plan/plan.py":
-        lambda case, out: plan_field(out, FieldPlan(str(case), pairs=12, runs=2), 1, ignore),
-    "function_test/command.py": lambda case, out: main(["test", "run", str(case), "--out", str(out)]),
-    "function_test/cheaper.py": _levels,
-}  # fmt: skip
+def drive(tool, case, out):
+    """The command of a tool, in a folder where it has one."""
+    folder = [] if "cheaper" in tool else ["--out", str(out), "--workers", "1"]
+    paths = {"CASE": str(case), "ODD": str(write_odd(out.parent / "odd")) if "odd" in tool else ""}
+    assert main([paths.get(word, word) for word in DRIVEN[tool]] + folder) in (0, 1, 3, 4)
 
 
 def does_runs(module):
@@ -139,34 +127,40 @@ def told(monkeypatch):
 @pytest.mark.parametrize("tool", DRIVEN)
 def test_a_limit_that_every_run_breaks_is_named_before_more_is_spent(tool, case_file, told, tmp_path):
     lines, count, _ = told
-    DRIVEN[tool](case_file, tmp_path / "out")
+    drive(tool, case_file, tmp_path / "out")
     (at, line), *more = [(at, line) for at, line in lines if "combine.distance_m (min" in line]
     counted = at - ("cheaper" in tool)  # which does the first run twice, so that all have what it loads
     limit = f"combine.distance_m (min {'11.5' if 'odd' in tool else '25'})"
     assert line == f"note    all {counted} runs break {limit}"
     assert not more
     assert 0 < at <= count[0] / 2
+    pages = [path.read_text("utf-8") for path in (tmp_path / "out").glob("*.html")]
+    assert any(f"The first runs: {line.removeprefix('note    ')}" in page for page in pages) == (
+        "cheaper" not in tool
+    )
 
 
 @pytest.mark.parametrize("tool", [tool for tool in DRIVEN if "odd" not in tool])
 def test_what_some_runs_break_is_not_named(tool, case_file, told, tmp_path):
     lines, _, how = told
     how["is_always"] = False
-    DRIVEN[tool](case_file, tmp_path / "out")
-    assert not [line for _, line in lines if "break" in line]
+    drive(tool, case_file, tmp_path / "out")
+    assert not [line for _, line in lines if "runs break" in line]
 
 
 def test_a_slot_that_never_acts_is_named_beside_one_that_does(case_file, told, tmp_path):
     """In 3 runs of it alone, after 3 as shipped and 12 of the first four settings; and on the page."""
     lines, count, how = told
     how.update(acts=False, is_always=False)
-    found = _tune(case_file, tmp_path / "two")
+    params = ("combine.steer.lookahead_m=2..8", "combine.lidar.rate_hz=5..25")
+    asked = Tune((str(case_file),), params, ("lateral_rms_m",), tries=10, each=3, proof=10)
+    found = run_tune(tmp_path / "two", asked, 1, ignore)
     assert [at for at, line in lines if "combine.steer changes none of 3 runs" in line] == [21]
     assert not [line for _, line in lines if "combine.lidar changes" in line]
     assert len(found.telling_nothing) == 1
     del lines[:]
     count[0] = 0
-    asked = Tune((str(case_file),), ("combine.steer.lookahead_m=2..8",), ("lateral_rms_m",), tries=10, each=3)
+    asked = replace(asked, params=params[:1])
     alone = run_tune(tmp_path / "one", asked, 1, ignore)
     assert len(alone.telling_nothing) == 2
     assert [at for at, line in lines if "combine.steer changes none of 12 runs" in line] == [15]
@@ -181,7 +175,8 @@ def test_no_share_of_a_doubt_is_told_where_levels_differ_nowhere(case_file, told
     line = ["test", "plan-field", str(case_file), "--pairs", "12", "--runs", "3", "--out", str(out)]
     assert main(line) == 0
     printed = capsys.readouterr().out
-    assert "margin is the same in 12 of 12 pairs, and both break combine.distance_m in 12" in printed
+    assert "no doubt to share: margin is the same in 12 of 12 pairs" in printed
+    assert "both levels break combine.distance_m in 12 of 12 pairs" in told[0][-1][1]
     for text in (printed, (out / "report.html").read_text("utf-8"), (out / "passes.csv").read_text("utf-8")):
         assert "of the doubt" not in text
         assert " 44" not in text

@@ -134,12 +134,8 @@ class Planned:
         """
         if any(c.apart > 0.0 and not c.broken for c in self.conditions):
             return ""
-        equal, broken = (
-            sum(c.apart == 0.0 for c in self.conditions),
-            [c.broken for c in self.conditions if c.broken],
-        )
-        rest = f", and both break {', '.join(sorted(set(broken)))} in {len(broken)}" if broken else ""
-        return f"{self.asked.metric} is the same in {equal} of {len(self.conditions)} pairs{rest}"
+        equal = sum(c.apart == 0.0 for c in self.conditions)
+        return f"{self.asked.metric} is the same in {equal} of {len(self.conditions)} pairs"
 
     def narrowed(self, share: float, digits: int = 0) -> str:
         """A share of the doubt [%], "" where there is none."""
@@ -183,6 +179,9 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
         name_first({}, nothing)
         session.do(workers, done, client)
     conditions = conditions_of(session.results(), asked.metric, found, other)
+    if broken := [c.broken for c in conditions if c.broken]:
+        of = f"{len(broken)} of {len(conditions)} pairs: its margin is that of both"
+        name_first(nothing, {of: f"both levels break {', '.join(sorted(set(broken)))} in {of}"})
     scale = spread(case, conditions)
     passes = choose(case, conditions, scale, asked.runs, known)
     return Planned(folder, asked, case, other, conditions, passes, _usual(conditions), nothing)
