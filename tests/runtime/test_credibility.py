@@ -121,6 +121,29 @@ def test_what_ended_the_run_is_judged_outside_a_range_too():
     assert "combine.motion" in entries["rollover_count"]["rests_outside"]
 
 
+LITTLE = [name for name, quantity in QUANTITIES.items() if quantity.little > 0.0]
+
+
+@pytest.mark.parametrize("name", LITTLE)
+@pytest.mark.parametrize("high", [0.0, 20.0])
+def test_what_is_too_little_to_change_anything_is_no_doubt(name, high):
+    checked = Checked(name, 0.0, high, "")
+    for part, state in ((1e-3, INSIDE), (0.9, INSIDE), (1.1, OUTSIDE), (50.0, OUTSIDE)):
+        seen = Seen()
+        for _ in range(3):
+            seen.add(high + part * QUANTITIES[name].little, checked)
+        assert seen.state == state, part
+
+
+def test_a_trace_of_weather_needs_no_word():
+    trace = ["rain_mm_h=5.6e-5", "fog_mor_m=90000", "dust_per_m=1e-6"]
+    for share in (1.0, 1e5):
+        sets = [f"field.weather.{key}={float(value) * share if key != 'fog_mor_m' else value}"
+                for key, _, value in (text.partition("=") for text in trace)]  # fmt: skip
+        notes = run(CHEAP, *sets, distance=3).get("notes", [])
+        assert any("not checked for" in note for note in notes) == (share > 1.0)
+
+
 @pytest.mark.parametrize(("value", "state"), [(0.18 - 1e-9, INSIDE), (0.17998, OUTSIDE), (12.601, OUTSIDE)])
 def test_what_is_told_says_on_which_side_of_a_bound_it_is(value, state):
     checked, seen = Checked("ground_speed_kmh", 0.18, 12.6, ""), Seen()
@@ -303,8 +326,8 @@ def test_every_slot_says_of_every_attribute_inside_outside_or_not_checked(monkey
                 low, high = max(of[name].low, -1e3), min(of[name].high, 1e6)
                 for value, state in (
                     (rng.uniform(low, high), INSIDE),
-                    (low - rng.uniform(0.01, 9.0), OUTSIDE),
-                    (high + rng.uniform(0.01, 9.0), OUTSIDE),
+                    (low - quantity.little - rng.uniform(0.01, 9.0), OUTSIDE),
+                    (high + quantity.little + rng.uniform(0.01, 9.0), OUTSIDE),
                 ):
                     told, _ = told_of({name: float(value)})
                     rows = {r["quantity"]: r["state"] for r in told["slots"][f"combine.{slot}"]["quantities"]}
@@ -313,7 +336,11 @@ def test_every_slot_says_of_every_attribute_inside_outside_or_not_checked(monkey
                     assert (state == OUTSIDE) == (why is not None and name in why_outside(why))
             else:
                 ends = [e for e in quantity.plain if math.isfinite(e)]
-                value = ends[-1] + rng.uniform(0.01, 9.0) if quantity.plain[1] < math.inf else 0.5 * ends[0]
+                value = (
+                    ends[-1] + quantity.little + rng.uniform(0.01, 9.0)
+                    if quantity.plain[1] < math.inf
+                    else 0.5 * ends[0]
+                )
                 told, notes = told_of({name: float(value)})
                 assert name in told["not_checked"][f"combine.{slot}"]
                 assert any(name in note and slot in note.rpartition(name)[2] for note in notes), (slot, name)

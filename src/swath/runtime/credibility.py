@@ -415,16 +415,22 @@ def _controls(world: World) -> set[str]:
 
 def _told(value: float, checked: Checked) -> float:
     """Four digits of it, or as many as say whether it lies in a range."""
-    first, last = _with_slack(checked)
     forms = [rounded(value, digits) for digits in (4, 6, 9, 17)]
-    return next(form for form in forms if (first <= form <= last) == (first <= value <= last))
+    return next(form for form in forms if holds(checked, form) == holds(checked, value))
 
 
 @lru_cache(maxsize=1024)
 def _with_slack(checked: Checked) -> tuple[float, float]:
-    """Ends of a range, apart by what rounding leaves open."""
+    """Ends of a range, apart by what rounding leaves open, and by what is too little to change anything."""
     low, high = checked.low, checked.high
-    return low - SLACK * abs(low), high + SLACK * abs(high)
+    little = QUANTITIES[checked.quantity].little if checked.quantity in QUANTITIES else 0.0
+    return low - max(SLACK * abs(low), little), high + max(SLACK * abs(high), little)
+
+
+def holds(checked: Checked, value: float) -> bool:
+    """Whether a value lies in a range."""
+    first, last = _with_slack(checked)
+    return first <= value <= last
 
 
 def span(ends: Sequence[float]) -> str:

@@ -80,6 +80,7 @@ class Quantity:
 
     touches: kinds of slots that it changes
     plain: values that need no word where a level of these was not checked for it
+    little: beyond any range by so much, it changes nothing that a part gives; estimated
     """
 
     unit: str
@@ -87,6 +88,7 @@ class Quantity:
     at: Callable[[Where], float]
     touches: tuple[str, ...] = ()
     plain: tuple[float, float] = (-inf, inf)
+    little: float = 0.0
 
 
 def _lean(where: Where) -> float:
@@ -157,6 +159,9 @@ def _roughness(where: Where) -> float:
 CROP = ("lidar", "camera", "radar", "edge", "header", "process", "powertrain", "crop_flow")
 SEEN = ("lidar", "camera", "edge")
 MOVED = ("motion", "steer", "powertrain")
+# Too little to change anything: 0.1 mm/h is the least rain that a gauge reports (WMO-No. 8); it and 1e-4 1/m
+# take 0.4 % of the light on 20 m and back, a step of 8 bits; 0.1 deg moves an ear by 2 mm, less than the
+# noise of a range; 10 lx make less than 1 % of the noise of a receiver's amplifier.
 QUANTITIES: Mapping[str, Quantity] = {
     "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: 3.6 * w.state.speed,
                                  (*MOVED, "header", "process", "gnss", "unload", "radar"), (-1.0, 14.4)),
@@ -174,20 +179,20 @@ QUANTITIES: Mapping[str, Quantity] = {
     "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left", lambda w: degrees(w.state.yaw_rate),
                                (*MOVED, "gnss"), (-25.9, 25.9)),
     "wind_lean_deg": Quantity("deg", "the most that wind leans stems, on top of their own lean", _wind,
-                              ("lidar", "camera", "radar", "edge", "unload"), (0.0, 0.0)),
+                              ("lidar", "camera", "radar", "edge", "unload"), (0.0, 0.0), 0.1),
     "weeds_per_m2": Quantity("1/m2", "weeds in the stand", _weeds, CROP, (0.0, 0.0)),
     "friction": Quantity("1", "largest side force of the tyres over load", _friction, MOVED, (0.45, 1.5)),
     "cone_index_kpa": Quantity("kPa", "strength of soil that yields, nan = firm", _cone_index, MOVED,
                                (FIRM.low, inf)),
     "roughness_gd_m3": Quantity("m3", "Gd of the ground at 0.1 cycles/m, ISO 8608",
                                 _roughness, (*MOVED, "lidar", "header", "imu"), (0.0, 256e-6)),
-    "rain_mm_h": Quantity("mm/h", "rain before a sensor", _rain, (*SEEN, "radar"), (0.0, 0.0)),
+    "rain_mm_h": Quantity("mm/h", "rain before a sensor", _rain, (*SEEN, "radar"), (0.0, 0.0), 0.1),
     "dust_per_m": Quantity("1/m", "extinction of dust, plumes and fog before a sensor", _dust, SEEN,
-                           (0.0, 0.0)),
+                           (0.0, 0.0), 1e-4),
     "light_lx": Quantity("lx", "sun and sky on level ground, for cameras also work lights; nan = none named",
                          _light, ("camera",), (1000.0, 120_000.0)),
     "receiver_light_lx": Quantity("lx", "light on level ground, where receivers of scanners know it",
-                                  lambda w: 0.0, ("lidar", "edge"), (0.0, 0.0)),
+                                  lambda w: 0.0, ("lidar", "edge"), (0.0, 0.0), 10.0),
     "straw_moisture_percent": Quantity("%", "water in the straw of the stand",
                                        lambda w: w.field.moisture.at(w.state.t)["straw_moisture"] / PERCENT,
                                        CROP, (5.0, 18.0)),

@@ -9,6 +9,7 @@ from math import atan, degrees
 from typing import Any
 
 from swath.field.wind import make_sway
+from swath.runtime.credibility import holds
 from swath.scenario.scenario import Scenario
 from swath.sensing.lidar.empirical import BIAS, BIASED, CHECKED, compared_stems, table_name
 from swath.sensing.tables import load_table, table_names
@@ -44,7 +45,7 @@ def _why_not_in(scenario: Scenario) -> str:
         return f"the table of {crop} was not compared"
     for checked in (*CHECKED, compared):
         for value in asked[checked.quantity]:
-            if not checked.low <= value <= checked.high:
+            if not holds(checked, value):
                 return f"{checked.quantity} is {value:.3g}, the level was checked for {checked.span}"
     return ""
 
