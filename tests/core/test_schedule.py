@@ -1,9 +1,10 @@
 import itertools
 
+import numpy as np
 import pytest
 
 from swath.core.errors import InputError
-from swath.core.schedule import NS, Slot, from_hz, make_plan
+from swath.core.schedule import MOST, NS, Slot, from_hz, make_plan
 
 MS = 1_000_000
 
@@ -49,11 +50,29 @@ def test_bad_slots_are_refused_by_name(slot, key):
         make_plan([slot])
 
 
-def test_two_slots_of_one_name_and_no_common_rhythm():
+def test_two_slots_of_one_name():
     with pytest.raises(InputError, match="declared twice"):
         make_plan([Slot("a", 10), Slot("a", 10)])
-    with pytest.raises(InputError, match="common rhythm"):
-        make_plan([Slot("a", 9_999_991), Slot("b", 9_999_973)])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_rhythm_of_any_length_goes_in_rounds(seed):
+    """Cut into rounds that differ, the walk is what it is at once, from wherever it begins."""
+    rng = np.random.default_rng(seed)
+    periods = rng.choice([1, 5, 7, 13, 29, 533, 667, 1000], 4, replace=False).tolist()
+    slots = [Slot(str(p), p * MS, offset=int(rng.integers(p)) * MS) for p in periods]
+    stop, plan = 1500 * MS, make_plan(slots, most=int(rng.integers(3, 300)))
+    whole = brute_force(slots, stop)
+    assert not plan.is_every
+    assert list(plan.walk(0, stop)) == whole
+    start = int(rng.integers(stop))
+    assert list(plan.at(start).walk(start, stop)) == [tick for tick in whole if tick[0] > start]
+
+
+def test_periods_without_a_common_rhythm_have_a_plan():
+    plan = make_plan([Slot("a", 9_999_991), Slot("b", 9_999_973)])
+    assert len(plan.ticks) <= MOST
+    assert [t for t, _ in plan.walk(0, 20_000_000)] == [9_999_973, 9_999_991, 19_999_946, 19_999_982]
 
 
 def test_rates_are_rounded_to_a_tenth_of_a_millisecond():

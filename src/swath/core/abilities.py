@@ -61,6 +61,15 @@ class HasOpticalFrame(Protocol, metaclass=ByMembers):
 
 
 @runtime_checkable
+class OffersRates(Protocol, metaclass=ByMembers):
+    """A sensor whose maker offers certain rates. offered: its name and these rates [Hz]."""
+
+    @property
+    def offered(self) -> tuple[str, Sequence[float]]:
+        """Name and rates [Hz]."""
+
+
+@runtime_checkable
 class CountsRays(Protocol, metaclass=ByMembers):
     """A sensor that casts rays. ray_count: so far."""
 

@@ -442,14 +442,17 @@ class Lockstep:
         """
         self.look_around()
         self._until, self._has_room = until, False
+        self._begin_round(self.t)
         program = self._prepared(goal)
-        ticks, slots, round_ns = self.plan.ticks, self.plan.slots, self.plan.hyperperiod
-        base = self.t // round_ns * round_ns
+        slots, span = self.plan.slots, self.plan.span
+        base = self.t // span * span
         number = bisect_right(program.times, self.t - base)
-        while True:
-            if number == len(ticks):
-                number, base = 0, base + round_ns
-            if not ticks or base + program.times[number] > until:
+        while slots:
+            if number == len(program.times):
+                number, base = 0, base + span
+                if self._begin_round(base):
+                    program = self._prepared(goal)
+            if base + program.times[number] > until:
                 break
             if self._program is not program:  # something came to a slot for the first time, or too much
                 program = self._prepared(goal)
@@ -457,7 +460,7 @@ class Lockstep:
             if last > number:
                 number = self._walk(program, number, last, base)
             else:
-                at, due = ticks[number]
+                at, due = self.plan.ticks[number]
                 number, t = number + 1, base + at
                 if t <= program.begun and all(t <= slots[index].offset for index in due):
                     continue  # nothing has begun yet
@@ -487,6 +490,13 @@ class Lockstep:
             self.graphs[world].t = self.t
         if looks:
             self.look()
+
+    def _begin_round(self, t: int) -> bool:
+        """Take the plan of the round in which a time lies; whether that is another one."""
+        before, self.plan = self.plan, self.plan.at(t)
+        if self.plan is not before:
+            self._dismiss()
+        return self.plan is not before
 
     def reached(self, goal: Goal) -> NDArray[np.bool_]:
         """Worlds that have reached a goal."""

@@ -3,12 +3,13 @@
 Every slot has a period and an offset [ns]. A slot is due at offset + k * period (k >= 1 when the offset is
 0); being due at time T it steps over (T - period, T], so its outputs are valid at T. At one T the slots run
 in declared order and see what earlier slots just produced (Gauss-Seidel); a latched slot sees only what was
-there before T (Jacobi). The pattern is computed once over the hyperperiod; wall clock never enters.
+there before T (Jacobi). The pattern is computed round by round: once where all rounds are alike, as those of
+a hyperperiod are. Wall clock never enters.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import lcm
 
@@ -16,6 +17,7 @@ from swath.core.errors import InputError
 
 NS = 1_000_000_000
 TICK = 100_000
+MOST = 50_000  # steps of a round: a longer hyperperiod is cut into rounds that differ
 
 
 @dataclass(frozen=True)
@@ -30,25 +32,39 @@ class Slot:
 
 @dataclass(frozen=True)
 class Plan:
-    """ticks: (time within the hyperperiod [ns], indices of the slots due, in declared order)."""
+    """A round of a plan. begin: of the round; span: how long each round is [ns].
+
+    ticks: (time within the round [ns], indices of the slots due, in declared order)
+    is_every: all rounds are like this one: it is a hyperperiod
+    """
 
     slots: tuple[Slot, ...]
-    hyperperiod: int
+    begin: int
+    span: int
     ticks: tuple[tuple[int, tuple[int, ...]], ...]
+    is_every: bool
+
+    def at(self, t: int) -> "Plan":
+        """The round in which a time lies; this one where all are alike."""
+        begin = t // self.span * self.span
+        if self.is_every or begin == self.begin:
+            return self
+        return replace(self, begin=begin, ticks=_ticks(self.slots, begin, self.span))
 
     def walk(self, start: int, stop: int) -> Iterator[tuple[int, tuple[int, ...]]]:
         """Every (time [ns], due slots) with start < time <= stop, in order."""
-        base = start // self.hyperperiod * self.hyperperiod
-        first = bisect_right(self.ticks, start - base, key=lambda tick: tick[0])
+        base, plan = start // self.span * self.span, self.at(start)
+        first = bisect_right(plan.ticks, start - base, key=lambda tick: tick[0])
         while base <= stop:
-            for at, due, begun in self._begun[first:] if first else self._begun:
+            for at, due, begun in plan._begun[first:] if first else plan._begun:
                 t = base + at
                 if t > stop:
                     return
                 running = due if t > begun else tuple(i for i in due if t > self.slots[i].offset)
                 if running:
                     yield t, running
-            base, first = base + self.hyperperiod, 0
+            base, first = base + self.span, 0
+            plan = plan.at(base)
 
     @cached_property
     def _begun(self) -> tuple[tuple[int, tuple[int, ...], int], ...]:
@@ -56,11 +72,10 @@ class Plan:
         return tuple((at, due, max(self.slots[i].offset for i in due)) for at, due in self.ticks)
 
 
-def make_plan(slots: list[Slot], *, max_ticks: int = 200_000) -> Plan:
-    """Plan over the hyperperiod.
+def make_plan(slots: Sequence[Slot], *, most: int = MOST) -> Plan:
+    """The first round of a plan, of at most about `most` steps.
 
-    Raises InputError on a period <= 0, an offset outside [0, period), two slots of one name, or periods so
-    odd that the hyperperiod holds more than `max_ticks` ticks.
+    Raises InputError on a period <= 0, an offset outside [0, period), or two slots of one name.
     """
     names = [s.name for s in slots]
     for slot in slots:
@@ -70,18 +85,20 @@ def make_plan(slots: list[Slot], *, max_ticks: int = 200_000) -> Plan:
             raise InputError(f"{slot.name}.offset", slot.offset, f"expected 0 <= offset < {slot.period} ns")
         if names.count(slot.name) > 1:
             raise InputError(slot.name, None, "declared twice")
-    hyper = lcm(*(s.period for s in slots)) if slots else NS
-    count = sum(hyper // s.period for s in slots)
-    if count > max_ticks:
-        periods = ", ".join(f"{s.name} {s.period} ns" for s in slots)
-        raise InputError(
-            "period", None, f"no common rhythm within {max_ticks} steps; the periods are {periods}"
-        )
+    span = hyper = lcm(*(s.period for s in slots)) if slots else NS
+    if (count := sum(hyper // s.period for s in slots)) > most:
+        span = max(min(s.period for s in slots), hyper * most // count)
+    return Plan(tuple(slots), 0, span, _ticks(slots, 0, span), span == hyper)
+
+
+def _ticks(slots: Sequence[Slot], begin: int, span: int) -> tuple[tuple[int, tuple[int, ...]], ...]:
+    """The ticks of the round that begins then."""
     due: dict[int, list[int]] = {}
     for index, slot in enumerate(slots):
-        for at in range(slot.offset, hyper, slot.period):
+        passed = max(0, -((slot.offset - begin) // slot.period))  # periods until it is due in the round
+        for at in range(slot.offset - begin + passed * slot.period, span, slot.period):
             due.setdefault(at, []).append(index)
-    return Plan(tuple(slots), hyper, tuple((at, tuple(due[at])) for at in sorted(due)))
+    return tuple((at, tuple(due[at])) for at in sorted(due))
 
 
 def from_hz(rate_hz: float) -> int:

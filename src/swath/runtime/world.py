@@ -1,16 +1,17 @@
 """The world: a field, the machines in it, and the graph that runs their parts. `assembly.py` builds it."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from swath.core.abilities import Closes, CountsBeams, CountsRays, HasNotes, HasRange, KnowsErrors
+from swath.core.abilities import Closes, CountsBeams, CountsRays, HasNotes, HasRange, KnowsErrors, OffersRates
 from swath.core.frames import Pose
 from swath.core.graph import Graph
+from swath.core.schedule import NS, from_hz
 from swath.field.edges.track import EdgeShape
 from swath.field.field import Field
 from swath.field.maps.projection import Origin
@@ -29,6 +30,8 @@ from swath.signals import F64, HeaderState
 
 BODY = "body"  # the part of a machine that its file gives, beside the grain that it carries
 EDGE_STEP = 0.5  # between the points of a drawn edge [m]
+OFFERED = 1e-3  # a rate this near to one that is offered is that one, of itself; estimated
+DRIVEN = 2e-4  # a rate that is driven this near to what was asked for needs no word, of itself; estimated
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,19 @@ class Machine:
     def notes(self) -> list[str]:
         """What the parts want the user to know about the run, each once."""
         notes = [f"{self.name}: {n}" for p in self.all_parts if isinstance(p, HasNotes) for n in p.notes]
-        return list(dict.fromkeys(notes))
+        return list(dict.fromkeys([*notes, *self._about_rates()]))
+
+    def _about_rates(self) -> Iterator[str]:
+        """Rates that a sensor's maker does not offer, and those that are driven as others."""
+        for slot, choice in self.slots.items():
+            rate, part = choice.common.rate_hz, self.parts.get(slot)
+            key, driven = f"{self.name}.{slot}.rate_hz: {rate:g} Hz", NS / from_hz(rate)
+            sheet, offered = part.offered if isinstance(part, OffersRates) else ("", ())
+            if offered and not any(abs(rate - r) < OFFERED * r for r in offered):
+                offer = ", ".join(f"{r:g}" for r in offered)
+                yield f"{key} is not a rate of the {sheet}, which has {offer} Hz"
+            if abs(driven - rate) > DRIVEN * rate:
+                yield f"{key} runs at {driven:.6g} Hz, with a period of whole tenths of a millisecond"
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""

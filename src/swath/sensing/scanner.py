@@ -5,7 +5,7 @@ which distance a beam has. Noise is that of the data sheet: range, constant bias
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import exp, sqrt
 from typing import Annotated, Any, ClassVar, Literal
@@ -129,7 +129,7 @@ class Scanner:
         self.mounting = params.mount.pose(setup.machine, setup.edge_side)
         if self.mounting.position[2] <= 0:
             raise InputError("mount.z_m", params.mount.z_m, "expected a sensor above the ground")
-        first, last = _sector(params.sector_deg, self.sheet.fov)
+        first, last, self._cut = _sector(params.sector_deg, self.sheet)
         self.step = self.sheet.step if params.step_deg is None else params.step_deg * DEG
         azimuth = self.sheet.azimuths(first, last, self.step)
         lines = self.sheet.line_elevation
@@ -196,12 +196,10 @@ class Scanner:
 
     @property
     def notes(self) -> list[str]:
-        """What a user should know: a rate that the sheet does not offer, a sensor that saw nothing at all."""
-        found, rates = [] if self.window is None else self.window.notes, self.sheet.rates_hz
-        rate = 1.0 / self.setup.period
-        if not any(abs(rate - offered) < 1e-3 * offered for offered in rates):
-            offer = ", ".join(f"{r:g}" for r in rates)
-            found.append(f"lidar: {rate:.4g} Hz is not a rate of the {self.sheet.name}, which has {offer} Hz")
+        """What a user should know: a sector wider than its view, a sensor that saw nothing at all."""
+        found = [] if self.window is None else self.window.notes
+        if self._cut:
+            found.append(self._cut)
         if self._blind_scans > 0:
             hint = "see mount (pitch_deg > 0 looks down), sector_deg and reach_m"
             found.append(f"lidar: no beam met anything in the whole run; {hint}")
@@ -269,14 +267,21 @@ class Scanner:
         return found
 
 
-def _sector(sector_deg: tuple[float, float] | None, fov: tuple[float, float]) -> tuple[float, float]:
+def _sector(sector_deg: tuple[float, float] | None, sheet: LidarSheet) -> tuple[float, float, str]:
+    """First and last azimuth [rad] of a sector within the field of view, and what was cut off, in words."""
+    (low, high), cut = sheet.fov, ""
     if sector_deg is None:
-        return fov
+        return low, high, cut
     first, last = (a * DEG for a in sector_deg)
-    if not fov[0] - 1e-9 <= first < last <= fov[1] + 1e-9:
-        wide = f"[{fov[0] / DEG:g}, {fov[1] / DEG:g}]"
+    is_within = low - 1e-9 <= first and last <= high + 1e-9
+    wide = f"[{low / DEG:g}, {high / DEG:g}]"
+    if not (first < last and first < high and last > low and last - first <= 2.0 * np.pi + 1e-9):
         raise InputError("sector_deg", list(sector_deg), f"expected [first, last] within {wide}")
-    return first, last
+    if not is_within:
+        first, last = max(first, low), min(last, high)
+        asked, left = (f"[{a:g}, {b:g}]" for a, b in (sector_deg, (first / DEG, last / DEG)))
+        cut = f"lidar: sector_deg {asked} is wider than the view of the {sheet.name}, {wide}: {left} is used"
+    return first, last, cut
 
 
 def _beam_axes(azimuth: F64, elevation: F64) -> F64:
@@ -407,6 +412,11 @@ class ScanningLidar(KeepsState, ABC):
     def range_limits(self) -> tuple[float, float]:
         """Least and greatest range of the data sheet [m]."""
         return self.sheet.range_min, self.sheet.range_max
+
+    @property
+    def offered(self) -> tuple[str, Sequence[float]]:
+        """Name and rates [Hz] of the data sheet."""
+        return self.sheet.name, self.sheet.rates_hz
 
     @property
     def identity(self) -> str:
