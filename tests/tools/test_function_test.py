@@ -25,7 +25,7 @@ from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.plan import Plan, plan_of
 from swath.tools.function_test.pool import run_all
-from swath.tools.function_test.session import begin, open_session
+from swath.tools.function_test.session import Session, begin, open_session
 from tests.tools.fake_work import fake_works
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
@@ -351,10 +351,10 @@ def test_the_page_and_the_junit_file_name_what_failed(case_file, tmp_path):
     ("change", "why"),
     [
         ("", ""),
-        ("field.stand.stems_per_m2=60", "stems_per_m2 is 60, the level was checked for 120 to 600"),
-        ("field.stand.wind={speed_m_s: 4}", "wind_lean_deg is 6.38, the level was checked for 0"),
+        ("field.stand.stems_per_m2=60", "the level was checked for stems_per_m2 120 to 600 only"),
+        ("field.stand.wind={speed_m_s: 4}", "the level was checked for wind_lean_deg 0 only"),
         ("field.stand={level: uniform, crop: maize}", "there is no table of maize"),
-        ("field.stand.lean_deg=30", "lean_deg is 30, the level was checked for 0 to 20"),
+        ("field.stand.lean_deg=30", "the level was checked for lean_deg 0 to 20 only"),
         ("expect={edge_rmse_m: {max: 0.05}}", "its bias is that large"),
         ("expect={edge_rmse_m: {max: 0.08}}", ""),
     ],
@@ -377,3 +377,23 @@ def test_a_level_for_all_is_taken_where_it_can_be(tmp_path, case_file):
         for wanted in ("", "plants", "empirical")
     }  # fmt: skip
     assert levels == {"": {"plants"}, "plants": {"plants"}, "empirical": {"empirical"}}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("field.stand={level: uniform, crop: maize}", ["driven at plants", "there is no table of maize"]),
+        ("combine.lidar=off", ["driven at no scanner"]),
+        ("run.distance_m=20", []),
+    ],
+)
+def test_a_level_that_is_not_the_one_asked_for_is_told(case_file, tmp_path, change, said):
+    sets = (change, "combine.edge.level=truth") if "off" in change else (change,)
+    plan = Plan(str(case_file), level="empirical", sets=sets)
+    session, count = Session(tmp_path / "out", plan), len(list(plan.runs()))
+    lines = session.level_lines()
+    assert [text in line for text, line in zip(said, lines, strict=True)] == [True] * len(said)
+    if said:
+        assert lines[0].startswith(f"--level empirical: {count} of {count} runs")
+    if len(said) > 1:
+        assert f": {count} runs at plants: " in lines[1]

@@ -42,7 +42,7 @@ pytest.importorskip("openodd", reason="needs the extra odd")
 from swath.tools.function_test.judging.verdict import BROKEN, SHOWN
 from swath.tools.function_test.odd.binding import find_odd, read_odd
 from swath.tools.function_test.odd.campaign import Conducted
-from swath.tools.function_test.odd.causes import AS_THE_REST, explained
+from swath.tools.function_test.odd.causes import AS_THE_REST, KINDS, REACH, explained
 from swath.tools.function_test.odd.cells import (
     NEVER,
     needed_each,
@@ -52,7 +52,7 @@ from swath.tools.function_test.odd.cells import (
 from swath.tools.function_test.odd.check import check
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.odd.dossier import _lidar_levels, _runs_of, summary_of, write_dossier
+from swath.tools.function_test.odd.dossier import _runs_of, summary_of, write_dossier
 from swath.tools.function_test.odd.openodd import attributes_of
 from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
 
@@ -638,6 +638,14 @@ def test_the_level_that_a_binding_sets_is_driven_and_told(tmp_path, monkeypatch)
     )
     driven = {scenario_of(run).machines["combine"].slots["lidar"].level for run in made.session.runs()}
     assert driven == {"empirical"}
-    assert _lidar_levels(made) == "empirical"
+    assert made.session.levels() == {"empirical": 8}
+    assert made.session.level_lines() == []
     page = write_dossier(made, made.cells()).read_text(encoding="utf-8")
     assert "empirical" in page.partition("LiDAR level")[2][:80]
+
+
+def test_the_guide_says_of_causes_and_their_reach_what_the_dossier_does():
+    guide = " ".join(Path("docs/how-to/odd.md").read_text(encoding="utf-8").split())
+    said = guide.replace(" (`process.density 431 to 468 1/m2`, whatever the buckets)", "")
+    assert REACH in guide
+    assert f"A cause is {KINDS} whose runs fail" in said

@@ -2,7 +2,6 @@
 
 import argparse
 import os
-from collections import Counter
 from contextlib import nullcontext
 from dataclasses import replace
 from math import isfinite
@@ -335,7 +334,6 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
     from swath.terminal.outcome import exit_code
     from swath.terminal.tables import table
-    from swath.tools.function_test.fidelity import reason_lines
     from swath.tools.function_test.judging.ranking import HEAD, ranking
     from swath.tools.function_test.judging.verdict import NOT_JUDGED, VERDICTS
     from swath.tools.function_test.junit import write_junit
@@ -365,7 +363,7 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     surprises = sum(cell.surprises.count for cell in cells)
     if surprises:
         print(f"{surprises} runs pass where the cases say that a failure is known")
-    for line in reason_lines(Counter((run.case, run.why_dear) for run in session.runs() if run.why_dear)):
+    for line in session.level_lines():
         print(line)
     if session.plan.shadow:
         first = next(iter(session.plan.candidates))

@@ -4,7 +4,6 @@ The bias of detection at `empirical` is 2 to 3 cm from that at `plants` (wheat a
 same stands), while its scatter is the same: so no mean or largest error is judged there to 5 cm or less.
 """
 
-from collections.abc import Mapping
 from math import atan, degrees
 from typing import Any
 
@@ -46,7 +45,7 @@ def _why_not_in(scenario: Scenario) -> str:
     for checked in (*CHECKED, compared):
         for value in asked[checked.quantity]:
             if not holds(checked, value):
-                return f"{checked.quantity} is {value:.3g}, the level was checked for {checked.span}"
+                return f"the level was checked for {checked.quantity} {checked.span} only"
     return ""
 
 
@@ -95,8 +94,3 @@ def levels_of(scenario: Scenario, kind: str = "edge") -> dict[str, str]:
         for slot, choice in machine.slots.items()
         if choice.kind.name == kind
     }
-
-
-def reason_lines(reasons: Mapping[tuple[str, str], int]) -> list[str]:
-    """A line for each case that is judged at the dear level, with how many of its runs."""
-    return [f"{case}: {count} runs at {DEAR}: {why}" for (case, why), count in reasons.items()]

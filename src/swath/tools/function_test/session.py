@@ -24,7 +24,8 @@ from swath.documents.yaml_document import Document
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
-from swath.tools.function_test.in_step import in_chunks
+from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
+from swath.tools.function_test.in_step import in_chunks, is_number
 from swath.tools.function_test.journal import (
     CHANGED,
     PLAN,
@@ -40,7 +41,7 @@ from swath.tools.function_test.journal import (
 from swath.tools.function_test.judging.first_batch import FIRST, telling_nothing
 from swath.tools.function_test.judging.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import results_in
-from swath.tools.function_test.plan import Plan, PlannedRun, plan_of
+from swath.tools.function_test.plan import Plan, PlannedRun, looked_at, plan_of
 from swath.tools.function_test.pool import Done, run_all
 from swath.tools.function_test.stored_line import Result
 
@@ -125,6 +126,27 @@ class Session:
         """Version of these files as they are now, in a few letters."""
         now = json.dumps(hashes_by_path(list(self.plan.made_of)))
         return hashlib.sha256(now.encode()).hexdigest()[:6]
+
+    def levels(self) -> Counter[str]:
+        """Levels at which the scanners of its runs are driven, with how many runs."""
+        kinds, levels = Counter[tuple[str, ...]](), Counter[str]()
+        for run in self.runs():
+            kinds[run.scenario, *(text for text in run.sets if not is_number(text))] += 1
+        for (scenario, *sets), count in kinds.items():
+            try:
+                driven = sorted(set(levels_of(looked_at(scenario, sets), "lidar").values()))
+            except InputError:  # a file of it is not there any more
+                driven = ["not known"]
+            levels[", ".join(driven) or "no scanner"] += count
+        return levels
+
+    def level_lines(self) -> list[str]:
+        """Levels of scanners that are driven in the place of the one asked for, in how many runs and why."""
+        levels = self.levels() if (asked := self.plan.level) in (CHEAP, DEAR) else Counter({asked: 1})
+        whole = f"of {levels.total()} runs driven at"
+        said = [f"--level {asked}: {n} {whole} {name}" for name, n in levels.items() if name != asked]
+        reasons = Counter((run.case, run.why_dear) for run in self.runs() if run.why_dear)
+        return said + [f"{case}: {count} runs at {DEAR}: {why}" for (case, why), count in reasons.items()]
 
     def left(self, first: float = inf) -> Iterator[PlannedRun]:
         """Runs that are in no journal, each once: two candidates may come to the same scenario."""

@@ -130,6 +130,12 @@ def causes_of(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[Ca
 
 
 DEPTH, BEAM = 3, 6  # attributes of a box at most; boxes that are gone on from
+KINDS = f"a bucket, a range of buckets, a pair, or a box of values of up to {DEPTH} attributes"
+REACH = (
+    f"A fault of up to {DEPTH} attributes at once is found as a box where enough runs were drawn in it, "
+    "which is planned for pairs alone; one that needs more attributes is found only where it shows in "
+    f"{DEPTH}, too."
+)
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,6 @@ from swath.runtime.credibility import NEVER_CHECKED, span
 from swath.runtime.met import QUANTITIES
 from swath.tools.function_test.cells import cells_of, errors_of
 from swath.tools.function_test.evidence import evidence_table
-from swath.tools.function_test.fidelity import levels_of
-from swath.tools.function_test.in_step import is_number
 from swath.tools.function_test.judging.first_batch import banners
 from swath.tools.function_test.judging.judged import ERROR, beyond
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, lower_bound, upper_bound
@@ -46,6 +44,8 @@ from swath.tools.function_test.junit import write_junit, write_suites
 from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
 from swath.tools.function_test.odd.causes import (
     AS_THE_REST,
+    KINDS,
+    REACH,
     WHYS,
     Cause,
     Explained,
@@ -71,7 +71,7 @@ from swath.tools.function_test.odd.trace import (
 )
 from swath.tools.function_test.one_run import ENDED, scenario_of
 from swath.tools.function_test.page import more, write_matrix
-from swath.tools.function_test.plan import code_hash, commit, looked_at
+from swath.tools.function_test.plan import code_hash, commit
 
 NOWHERE = "nowhere"
 ELSEWHERE = 0.2  # share of runs that drove elsewhere than drawn, from which on it is reported; estimated
@@ -98,10 +98,10 @@ CAUSES = (
     "repeat a run",
 )  # fmt: skip
 ABOUT_CAUSES = (
-    "A cause is a bucket, a range of buckets or a pair whose runs fail more often than those drawn "
-    "elsewhere (Fisher's exact test, after Bonferroni over all cells and ranges) and that rules out the "
-    "claim by itself. The second and every further row counts only runs that belong to no row above it. "
-    "Runs belong where they were **drawn**; "
+    f"A cause is {KINDS} whose runs fail more often than those drawn elsewhere (Fisher's exact test, after "
+    "Bonferroni over all cells, ranges and boxes) and that rules out the claim by itself. The second and "
+    "every further row counts only runs that belong to no row above it. Runs belong where they were "
+    "**drawn**; "
 )
 ABOUT_DRAWN = "where they drove may be an effect of the failure. "
 ALL_CELLS = "Each cell in `cells.csv`, with its runs that belong to no cause."
@@ -211,7 +211,7 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
             f"{cause.rest_failed} of {cause.rest_counted}{warning}"
         )
     lines += _told(explained(found.coverage, cells, causes, found.claim))
-    lines += _elsewhere(found)
+    lines += [*_elsewhere(found), *found.session.level_lines()]
     errors = [run.result["reason"] for run in found.coverage.runs if run.result["verdict"] == ERROR]
     if unjudged := len(found.coverage.runs) - len(tried) - len(errors):
         lines.append(f"{unjudged} runs not judged: a level was outside the range in which it was checked")
@@ -350,7 +350,7 @@ def _facts(found: Conducted, cells: Sequence[OddCell]) -> dict[str, object]:
         "fewest runs counted for a pair": str(_fewest(cells)),
         "requirement": found.odd.file.requirement or None,
         "ODD version": found.odd.domain.version or None,
-        "LiDAR level": _lidar_levels(found),
+        "LiDAR level": "; ".join(f"{name}: {n} runs" for name, n in found.session.levels().items()),
         "swath": __version__,
     }
 
@@ -681,21 +681,6 @@ def again_all(found: Conducted) -> str:
     return command("test", "run", "--odd", file, "--runs", asked.budgets[-1], *sets, *level, "--out", "DIR")
 
 
-def _lidar_levels(found: Conducted) -> str:
-    """What the scanners of the runs were driven at, and in how many where they differ."""
-    kinds: Counter[tuple[str, ...]] = Counter()
-    for run in found.session.runs():
-        kinds[run.scenario, *(text for text in run.sets if not is_number(text))] += 1
-    levels: Counter[str] = Counter()
-    for (scenario, *sets), count in kinds.items():
-        try:
-            driven = sorted(set(levels_of(looked_at(scenario, sets), "lidar").values()))
-        except InputError:  # a file of it is not there any more
-            driven = ["not known"]
-        levels[", ".join(driven) or "no scanner"] += count
-    return "; ".join(name if len(levels) == 1 else f"{name}: {n} runs" for name, n in levels.items())
-
-
 def _levels(found: Conducted) -> list[list[str]]:
     """Of every slot of the first run its level and the ranges in which that was checked."""
     try:
@@ -724,7 +709,7 @@ def _believe(found: Conducted) -> list[str]:
         f"source: {found.odd.file.source}.",
         "The share of runs that pass in a cell is not the share at work: the campaign spreads the other "
         "attributes over all their buckets, work meets some of these more often.",
-        "A fault that needs four or more attributes at once is found only where it shows in three, too.",
+        REACH,
     ]
     said += _elsewhere(found)
     if not found.is_complete:

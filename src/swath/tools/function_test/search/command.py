@@ -44,6 +44,7 @@ def tell(found: Any, check: Path | None = None) -> int:
     from swath.terminal.tables import table
     from swath.tools.function_test.journal import write_table
     from swath.tools.function_test.search.page import write_search
+    from swath.tools.function_test.session import open_session
 
     boundary = found.boundary
     write_table(found.folder, found.results)
@@ -56,7 +57,7 @@ def tell(found: Any, check: Path | None = None) -> int:
     ]
     table("", ("parameter", "range", "share of the variance, alone", "with others"), rows)
     print(f"{len(found.results)} runs, {found.passed()[0]} of them pass")
-    for line in found.shows:
+    for line in (*found.shows, *open_session(found.folder, same_code=False).level_lines()):
         print(line)
     if checked is not None:
         share = 100 * checked[0] / checked[1]
