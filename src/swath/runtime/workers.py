@@ -206,8 +206,8 @@ def _ready(pool: Sequence[_Worker[T, R]]) -> list[_Worker[T, R]]:
 def _check_begun(worker: _Worker[T, R], found: object) -> None:
     if found is None:
         raise SwathError(
-            f"a worker process ended before it began (exit code {worker.process.exitcode}): a script that "
-            "starts processes needs `if __name__ == '__main__':` around what it does"
+            f"a worker process ended before it began (exit code {worker.process.exitcode}). Where a script "
+            "starts it, that script needs `if __name__ == '__main__':` around what it does"
         )
 
 

@@ -5,6 +5,7 @@ page shows: so the memory does not grow with the number of runs.
 """
 
 from array import array
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import fsum, nan
@@ -12,7 +13,7 @@ from typing import Any
 
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.judging.integrity import SUMMARY, pooled
-from swath.tools.function_test.judging.judged import ERROR, OPEN, UNJUDGED, beyond
+from swath.tools.function_test.judging.judged import ERROR, OPEN, UNJUDGED, beyond, why_unjudged
 from swath.tools.function_test.judging.kept_runs import Kept, Region, Sample, Worst, kept
 from swath.tools.function_test.judging.margin import is_kept_or_not, margin, margin_of
 from swath.tools.function_test.judging.paired import mean_interval
@@ -40,8 +41,8 @@ class Cell:
     count: of runs
     counted, passed: of those that count for the rate, which are not those at points where a failure is known,
         nor unjudged ones; surprises: runs that passed at points of known failures
-    unjudged: runs with a level outside its checked range
-    outside: these by slot and quantity
+    unjudged: runs that are not, with why
+    outside: those with a level outside its checked range, by slot and quantity
     errors: runs that came to one
     failed: runs that count and did not pass
     groups: the same by the first limit that failed
@@ -60,7 +61,7 @@ class Cell:
     counted: int = 0
     passed: int = 0
     known: int = 0
-    unjudged: int = 0
+    unjudged: Counter[str] = field(default_factory=Counter)
     errors: int = 0
     outside: dict[str, Region] = field(default_factory=dict)
     worst: Kept | None = None
@@ -98,7 +99,7 @@ class Cell:
             self.errors += 1
             self.groups.setdefault(ERROR, Region()).add(run.point)
         elif run.verdict == UNJUDGED:
-            self.unjudged += 1
+            self.unjudged[why_unjudged(result)] += 1
             for slot, quantity, _ in beyond(result):
                 self.outside.setdefault(f"{slot}: {quantity}", Region()).add(run.point)
         elif run.verdict != OPEN:
@@ -156,12 +157,7 @@ class Cell:
             outcome, text = _mean(name, self._values[name], bounds)
             self.means.append(text)
             self.verdict = max(self.verdict, outcome, key=(SHOWN, NOT_SHOWN, BROKEN).index)
-        lost = []
-        if self.unjudged:
-            why = (
-                "a level was outside its checked range" if self.outside else "too short to measure something"
-            )
-            lost = [f"{self.unjudged} of {self.count} runs not judged, {why}"]
+        lost = [f"{n} of {self.count} runs not judged: {why}" for why, n in self.unjudged.items()]
         if self.errors and self.worst is not None:
             lost.append(errors_of(self.errors, self.count, self.worst.reason))
         if lost:

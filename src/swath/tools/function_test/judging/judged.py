@@ -6,6 +6,7 @@ one of which so short a run measured nothing. A run is `not judged` where there 
 one fails, and one that came to an error is judged by nothing.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -19,7 +20,8 @@ from swath.tools.function_test.judging.steering_accuracy import SUMMARY as STEER
 from swath.tools.function_test.stored_line import Result
 
 OPEN = "open"  # verdict of a run that no limit of its case judges
-UNJUDGED = NOT_JUDGED  # of one with limits that rest on a level outside its range
+UNJUDGED = NOT_JUDGED  # of one with limits that rest on a level outside its range, or on nothing measured
+BEYOND = "a level was outside the range in which it was checked"
 ERROR = "error"  # of one that could not be made, or crashed
 UNCOUNTED = (OPEN, UNJUDGED, ERROR)
 
@@ -33,6 +35,19 @@ def verdict_of(entries: Sequence[Mapping[str, Any]], outside: Mapping[str, Any])
         whys = (f"{slot} {why_outside(outside[slot])}" for slot in slots)
         return UNJUDGED, f"{UNJUDGED}: {'; '.join(whys)}"
     return "pass", ""
+
+
+def why_unjudged(result: Result) -> str:
+    """Why a result says neither that its limits are kept nor that one is broken."""
+    if result["verdict"] == UNJUDGED and result["reason"].startswith(UNJUDGED):
+        return BEYOND
+    return "no limit is on what it did" if result["verdict"] == OPEN else "a limit was not measured"
+
+
+def unjudged_lines(results: Iterable[Result]) -> list[str]:
+    """How many results that came to no error are not judged, and why."""
+    whys = Counter(why_unjudged(result) for result in results if result["verdict"] != ERROR)
+    return [f"{count} runs not judged: {why}" for why, count in whys.items()]
 
 
 def beyond(result: Result) -> list[tuple[str, str, Sequence[float]]]:

@@ -38,7 +38,7 @@ from swath.runtime.met import QUANTITIES
 from swath.tools.function_test.cells import cells_of, errors_of
 from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.judging.first_batch import banners
-from swath.tools.function_test.judging.judged import ERROR, beyond
+from swath.tools.function_test.judging.judged import BEYOND, ERROR, beyond, unjudged_lines, why_unjudged
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, lower_bound, upper_bound
 from swath.tools.function_test.junit import write_junit, write_suites
 from swath.tools.function_test.odd.campaign import ODD_FILE, Conducted
@@ -213,8 +213,7 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
     lines += _told(explained(found.coverage, cells, causes, found.claim))
     lines += [*_elsewhere(found), *found.session.level_lines()]
     errors = [run.result["reason"] for run in found.coverage.runs if run.result["verdict"] == ERROR]
-    if unjudged := len(found.coverage.runs) - len(tried) - len(errors):
-        lines.append(f"{unjudged} runs not judged: a level was outside the range in which it was checked")
+    lines += unjudged_lines(run.result for run in found.coverage.runs if not run.is_judged)
     if errors:
         lines.append(errors_of(len(errors), len(found.coverage.runs), errors[0]))
     short = _short(found, cells)
@@ -703,7 +702,8 @@ def _believe(found: Conducted) -> list[str]:
     """What the verdicts do not take into account."""
     said = [
         "Runs in which a limit rests on a level that was outside the range in which it was checked are not "
-        f"judged: {sum(not run.is_judged for run in found.coverage.runs)} runs. Ranges, and the levels that "
+        f"judged: {sum(not r.is_judged and why_unjudged(r.result) == BEYOND for r in found.coverage.runs)} "
+        "runs. Ranges, and the levels that "
         "declare none, are listed under Models.",
         "Limits, buckets and exposure are numbers of the file that binds the ODD to swath. It gives as their "
         f"source: {found.odd.file.source}.",

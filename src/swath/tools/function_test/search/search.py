@@ -20,6 +20,7 @@ from swath.signals import F64
 from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of
 from swath.tools.function_test.journal import TABLE, read_table
 from swath.tools.function_test.judging.first_batch import margin_telling_nothing, name_first
+from swath.tools.function_test.judging.judged import unjudged_lines
 from swath.tools.function_test.judging.margin import judged_margin
 from swath.tools.function_test.judging.verdict import describe, lower_bound, verdict
 from swath.tools.function_test.plan import Plan, code_hash
@@ -84,10 +85,10 @@ class Searched:
     def _unjudged(self) -> list[str]:
         """What of the others is to be said."""
         errors = [result["reason"] for result in self.results if result["verdict"] == "error"]
-        left = len(self.results) - len(self.judged) - len(errors)
+        left = np.isnan(self.margins(self.results))
         return [
             *([f"{len(errors)} runs came to an error, the first: {errors[0]}"] if errors else []),
-            *([f"{left} runs not judged: a level was outside its checked range"] if left else []),
+            *unjudged_lines(result for result, is_left in zip(self.results, left, strict=True) if is_left),
         ]
 
     @property
