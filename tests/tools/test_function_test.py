@@ -315,7 +315,7 @@ def test_runs_are_done_gone_on_with_and_made_again(case_file, tmp_path, capsys):
     assert sum(p.read_bytes().count(b"\n") for p in (out / "journal").glob("*.jsonl")) == lines == 1
     assert len(ET.parse(out / "junit.xml").findall(".//testcase")) == 2
     assert main([*argv[:5], "--seeds", "2"]) == 2
-    assert "results of another plan" in capsys.readouterr().err
+    assert "another plan (seeds 1, now 2; drawn 1, now 0)" in capsys.readouterr().err
     name = pq.read_table(out / "results.parquet").column("id").to_pylist()[0]
     assert main(["test", "again", str(out), name[:6]]) == 0
     assert "the same digest as in the test" in capsys.readouterr().out

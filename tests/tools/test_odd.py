@@ -424,8 +424,10 @@ def test_a_longer_campaign_after_a_look_is_judged_by_the_e_process(
         conducted(monkeypatch, tmp_path / "twice", odd, 100, 2, lambda run, u: False)
     for before, after in (("exposure: [1, 2, 2, 1]", "exposure: [1, 2, 2, 2]"), ("[2, 4, 6", "[2, 4.1, 6")):
         other = small_odd(tmp_path / after, BINDING.replace(before, after))
-        with pytest.raises(InputError, match="one of another ODD"):
+        with pytest.raises(InputError, match=r"another campaign \(revision .*\.\.\..*, now \.\.\.") as told:
             conducted(monkeypatch, tmp_path / "twice", other, 100, 1, lambda run, u: False)
+        was, now = str(told.value).rpartition("(revision ")[2].split(", now ")
+        assert was != now.rstrip(")")
 
 
 def test_a_campaign_resumes_and_says_the_same_bytes(

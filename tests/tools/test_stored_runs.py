@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 import shutil
 
 import pyarrow.parquet as pq
@@ -9,11 +10,12 @@ import pytest
 
 from swath.commands.main import main
 from swath.core.errors import InputError
-from swath.core.foreign_code import Gate, through
+from swath.core.foreign_code import Gate, load_python, through
 from swath.tools.function_test.command import finish
+from swath.tools.function_test.compare import compare
 from swath.tools.function_test.journal import Journal
 from swath.tools.function_test.plan import Plan
-from swath.tools.function_test.session import begin, check_version, open_session
+from swath.tools.function_test.session import begin, check_version, open_session, own_code
 from tests.tools.fake_work import fake_work, fake_works
 
 CASE = """
@@ -83,7 +85,7 @@ def test_no_sequence_loses_a_stored_run(made, seed, capsys):
             version = draw.choice([0, 1, 2])
             (made / "my.py").write_text(DETECTOR % version, encoding="utf-8")
         elif step == "beside":
-            (made / "helper.py").write_text(f"A = {draw.random()}\n", encoding="utf-8")
+            (made / "unrelated.py").write_text(f"A = {draw.random()}\n", encoding="utf-8")
         elif step == "case":
             text = CASE.replace("min: 6}", f"min: {draw.choice([5, 6])}}}")
             (made / "case.yaml").write_text(text, encoding="utf-8")
@@ -141,7 +143,7 @@ def test_the_same_runs_whether_code_may_run_or_not(made):
     assert names == [run.id for run in open_session(made / "out").runs()]
 
 
-def test_a_run_in_which_a_file_was_edited_is_not_stored(made):
+def test_a_run_in_which_a_file_was_edited_is_not_stored(made, capsys):
     with through(Gate(None)):
         session = begin(made / "out", Plan(str(made / "case.yaml")))
     journal = Journal(session.journals, "made")
@@ -150,10 +152,10 @@ def test_a_run_in_which_a_file_was_edited_is_not_stored(made):
     (made / "my.py").write_text(DETECTOR % 1, encoding="utf-8")
     changed = journal.add(fake_work(second, None))
     journal.close()
-    assert (changed["verdict"], changed["reason"]) == ("changed", "my.py")
+    assert (changed["verdict"], changed["reason"]) == ("changed", "my.py (changed)")
     assert every_line(made / "out") == {first.id}
-    with pytest.raises(InputError, match=r"another version of my\.py"):
-        check_version(made / "out")
+    check_version(made / "out")
+    assert "go on with the copy of my.py (changed)" in capsys.readouterr().out
 
 
 def test_a_folder_of_the_version_before_is_read_by_what_its_runs_are(made, capsys):
@@ -178,3 +180,50 @@ def test_a_table_is_never_replaced_by_a_shorter_one(made, capsys):
     assert main(["test", "report", str(made / "out")]) == 2
     assert "expected 4 runs, as it holds" in capsys.readouterr().err
     assert rows(made / "out") == kept
+
+
+def test_a_campaign_goes_on_with_the_code_that_it_began_with(made, capsys):
+    """A file beside it is none of its own; one of its own that is edited or gone is read from the copy."""
+    edits = iter([
+        lambda: (made / "notes.py").write_text("A = 1\n"),
+        lambda: (made / "my.py").write_text(DETECTOR % 7),
+        (made / "my.py").unlink,
+        lambda: None,
+    ])  # fmt: skip
+    with through(Gate(None)):
+        session = begin(made / "out", Plan(str(made / "case.yaml")))
+        session.do_share(1, 1, lambda result: next(edits)())
+        assert len(session.results()) == 4
+        named = [run.id for run in session.runs()]
+        session.write()
+        assert [run.id for run in session.runs()] == named
+        with own_code(made / "out"):
+            assert load_python("key", made / "my.py").Mine.__doc__ == "Version 0."
+            assert open_session(made / "out").changed == ""
+    assert open_session(made / "out").changed == "my.py (gone)"
+
+
+@pytest.mark.parametrize(("edit", "told"), [("tables.csv", "tables.csv (changed)"), ("", "")])
+def test_a_campaign_stops_for_a_file_without_a_copy_and_names_it(made, edit, told, capsys):
+    (made / "tables.csv").write_text("1")
+    (made / "my.py").write_text(f"TABLE = 'tables.csv'\n{DETECTOR % 0}")
+    with through(Gate(None)):
+        session = begin(made / "out", Plan(str(made / "case.yaml")))
+        change = iter([lambda: (made / (edit or "other.csv")).write_text("22"), *[lambda: None] * 9])
+        if told:
+            with pytest.raises(InputError, match=re.escape(told)):
+                session.do_share(1, 1, lambda result: next(change)())
+        else:
+            session.do_share(1, 1, lambda result: next(change)())
+        assert len(session.results()) == (1 if told else 4)
+
+
+def test_runs_that_were_stopped_are_compared(made, capsys):
+    do(made)
+    do(made, "stopped", most=2)
+    (made / "my.py").write_text(DETECTOR % 1, encoding="utf-8")
+    assert not (made / "stopped" / "results.parquet").exists()
+    assert main(["test", "compare", str(made / "out"), str(made / "stopped")]) == 0
+    assert "2 of 2 pairs are the same bytes" in capsys.readouterr().out
+    with pytest.raises(InputError, match=r"results\.parquet or plan\.json"):
+        compare(str(made / "out"), str(made))

@@ -11,15 +11,16 @@ Addresses of this machine alone and virtual buses are free. Any other address, b
 where the user has named it, in the same words: on the command line, or in Python as `addresses`.
 """
 
-import importlib.util
+import builtins
 import os
 import sys
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
-from importlib.machinery import SourceFileLoader
+from dataclasses import dataclass, field, replace
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from shlex import quote
 from types import ModuleType
@@ -38,12 +39,14 @@ class Gate:
 
     is_narrow: only a part of what may run from outside does, as while a run is changed
     addresses: that may be opened
+    copies: of Python files as they were, that are read in their place
     """
 
     files: frozenset[Path] | None = frozenset()
     addresses: frozenset[str] = frozenset()
     leaves: bool = False
     is_narrow: bool = False
+    copies: Mapping[Path, Path] = field(default_factory=dict, hash=False)
 
 
 _gate: ContextVar[Gate] = ContextVar("gate", default=Gate())  # noqa: B039 - it is frozen
@@ -93,6 +96,12 @@ def only_code(references: Iterable[str | Path]) -> Any:
 def code_unread() -> Any:
     """A block in which scenarios are read to be looked at: code that may not run is left out, not refused."""
     return through(replace(_gate.get(), leaves=True))
+
+
+def source_of(file: Path) -> Path:
+    """The copy that is read in the place of a Python file, or the file itself."""
+    copies = _gate.get().copies
+    return copies.get(file.resolve(), file) if copies else file
 
 
 def is_allowed(reference: str | Path, base: Path | None = None) -> bool:
@@ -160,26 +169,99 @@ def of_exit(error: SystemExit) -> RuntimeError:
     return RuntimeError(f"called sys.exit({error})").with_traceback(error.__traceback__)
 
 
+class _Space:
+    """What a user's files of a folder import from there.
+
+    These are modules under a name of their own: those of another folder, or of copies, are others.
+    name: of the package that they lie in
+    """
+
+    def __init__(self, folder: Path, copies: Mapping[Path, Path]) -> None:
+        self.folder = folder
+        self.copies = {file: copy for file, copy in copies.items() if file.is_relative_to(folder)}
+        about = f"{folder} {sorted(map(str, self.copies.values()))}"
+        self.name = f"{USER_MODULE}{zlib.crc32(about.encode()):08x}"
+        self._read: dict[Path, object] = {}
+
+    def source(self, file: Path) -> str:
+        """What is read for a file: itself as it is now, or its copy."""
+        self._read[file] = self._version(file)
+        return str(self.copies.get(file, file))
+
+    def renew(self) -> None:
+        """Forget what was imported where a file of it was edited."""
+        if any(self._version(file) != version for file, version in self._read.items()):
+            self._read = {}
+            for name in [name for name in sys.modules if name.startswith(f"{self.name}.")]:
+                del sys.modules[name]
+
+    def _version(self, file: Path) -> object:
+        with suppress(OSError):
+            about = os.stat(self.copies.get(file, file))
+            return about.st_mtime_ns, about.st_size
+        return None
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        """A module of it; None for any other."""
+        space, _, inner = name.partition(".")
+        if space != self.name:
+            return None
+        at = self.folder.joinpath(*inner.split(".")) if inner else self.folder
+        for file in (at / "__init__.py", at.with_name(f"{at.name}.py")) if inner else ():
+            if file in self.copies if self.copies else os.path.isfile(file):
+                return spec_from_file_location(name, file, loader=_Source(name, file, self))
+        if not (any(file.is_relative_to(at) for file in self.copies) if self.copies else os.path.isdir(at)):
+            return None
+        spec = ModuleSpec(name, None, is_package=True)
+        spec.submodule_search_locations = [str(at)]
+        return spec
+
+    def import_(self, name: str, of: Any = None, local: Any = None, names: Any = (), level: int = 0) -> Any:
+        """What `import` does in these files."""
+        top = name.partition(".")[0]
+        if level or top in sys.stdlib_module_names or self.find_spec(f"{self.name}.{top}") is None:
+            return builtins.__import__(name, of, local, names, level)
+        found = builtins.__import__(f"{self.name}.{name}", of, local, names or (), 0)
+        return found if names else sys.modules[f"{self.name}.{top}"]
+
+
+_spaces: dict[str, _Space] = {}
+
+
 class _Source(SourceFileLoader):
     """Runs what stands in the file, not compiled code that lies beside it."""
 
+    def __init__(self, name: str, file: Path, space: _Space) -> None:
+        super().__init__(name, str(file))
+        self._space = space
+
     def get_code(self, fullname: str) -> Any:
-        return self.source_to_code(self.get_data(self.path), self.path)
+        return self.source_to_code(self.get_data(self._space.source(Path(self.path))), self.path)
+
+    def exec_module(self, module: ModuleType) -> None:
+        vars(module)["__builtins__"] = {**vars(builtins), "__import__": self._space.import_}
+        super().exec_module(module)
 
 
 def load_python(key: str, reference: str | Path, base: Path | None = None) -> ModuleType:
     """Run a Python file. InputError where it may not, or is not there; SwathError where it fails."""
     need_allowed(key, reference, base)
     file = file_of(reference, base)
-    if not os.path.isfile(file):
+    if not os.path.isfile(source_of(file)):
         raise InputError(key, str(reference), f"expected a Python file, but there is no file {file}")
     name = f"{USER_MODULE}{file.stem}_{zlib.crc32(str(file).encode()):08x}"
-    spec = importlib.util.spec_from_file_location(name, file, loader=_Source(name, str(file)))
+    space = _Space(file.parent, _gate.get().copies)
+    if space.name not in _spaces:
+        _spaces[space.name] = space
+        sys.meta_path.insert(0, space)
+    space = _spaces[space.name]
+    space.renew()
+    spec = spec_from_file_location(name, file, loader=_Source(name, file, space))
     assert spec is not None
     assert spec.loader is not None
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)  # dataclasses look it up there
+    module = sys.modules[name] = module_from_spec(spec)  # dataclasses look it up there
     if str(file.parent) not in sys.path:
-        sys.path.append(str(file.parent))  # it may import what lies beside it
+        sys.path.append(str(file.parent))  # it may import what lies beside it by a name made while it runs
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:

@@ -11,6 +11,7 @@ from swath import __version__
 from swath.core.abilities import DISTANCE, OTHER, STOPPED, TIME, Ending, ReadsFiles
 from swath.core.errors import InputError, SwathError
 from swath.core.files.whole_file import write_whole
+from swath.core.foreign_code import through
 from swath.core.graph import Observer
 from swath.core.packed_state import UnpackableState
 from swath.core.process.stopping import stoppable, unstopped
@@ -378,8 +379,9 @@ class Running:
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
         notes += [*unheard(world), *self.evaluation.notes()]
-        if files := hashes(scenario.plain()):
-            summary["files"] = files
+        with through(scenario.gate):
+            if files := hashes(scenario.plain()):
+                summary["files"] = files
         if (watch := self.evaluation.find(FIELD, Credibility)) is not None:
             notes += annotate(summary, watch, self.evaluation.catalogue)
         if self.out is not None and (inputs := inputs_of(world, self.evaluation)):

@@ -286,22 +286,23 @@ def _again(args: argparse.Namespace) -> int:
     from swath.tools.function_test.odd.campaign import CAMPAIGN, Campaign
     from swath.tools.function_test.one_run import scenario_of
     from swath.tools.function_test.plan import code_hash, commit
-    from swath.tools.function_test.session import open_session, read_asked
+    from swath.tools.function_test.session import open_session, own_code, read_asked
 
     session = open_session(args.folder, same_code=False)
     planned, result = session.run_of(args.name)
     made, here = session.plan.code, code_hash()
-    if session.changed:
-        print(f"note    the run was made by another version of {session.changed}: the digest may differ")
+    with own_code(args.folder):
+        scenario, changed = scenario_of(planned), session.changed
+    if changed:
+        print(f"note    the run was made by another version of {changed}: the digest may differ")
     if made != here:
         campaign = read_asked(args.folder / CAMPAIGN, Campaign, "a campaign")
         of = f" (commit {campaign.commit})" if campaign is not None and campaign.commit else ""
         mine = f" (commit {commit()})" if commit() else ""
         print(f"note    these runs were made by code {made}{of}, this is {here}{mine}: the digest may "
               "differ. To make the same bytes, install the version that made them.")  # fmt: skip
-    version = f"-{session.version}" if session.changed else ""
+    version = f"-{session.version}" if changed else ""
     out = args.out or args.folder / "kept" / f"{planned.id}{version}"
-    scenario = scenario_of(planned)
     scenario = replace(scenario, summary=_told_of(args.folder, planned, scenario.summary))
     hooks = [ReportWriter(), ReplayWriter()]
     done = run_job(scenario, out, progress=True, hooks=hooks)
@@ -346,12 +347,9 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     page = write_matrix(folder / "report.html", cells, shadow=session.plan.shadow, nothing=nothing)
     rows = []
     for cell in cells:
-        worst = cell.worst
-        said = (
-            ""
-            if worst is None
-            else f"{worst.id[:8]} {cell.why_failed(worst) or f'margin {worst.margin:.2f}'}"
-        )
+        said = ""
+        if (worst := cell.worst) is not None:
+            said = f"{worst.id[:8]} {cell.why_failed(worst) or f'margin {worst.margin:.2f}'}"
         rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]), said))
     table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
     if len(session.plan.candidates) > 1:

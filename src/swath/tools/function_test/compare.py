@@ -13,7 +13,7 @@ from swath.core.errors import InputError
 from swath.judge.catalogue import load_evaluators
 from swath.sensing.lidar.empirical import BIASED
 from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
-from swath.tools.function_test.journal import TABLE, read_table
+from swath.tools.function_test.journal import PLAN, TABLE, read_table
 from swath.tools.function_test.judging.first_batch import telling_nothing
 from swath.tools.function_test.judging.judged import OPEN, UNJUDGED
 from swath.tools.function_test.judging.margin import MARGIN
@@ -179,9 +179,10 @@ def _results(source: str) -> dict[Key, Result]:
     """Results by case, point, seed and candidate, the latter empty where one is named."""
     folder, candidate = _parts(source)
     table = Path(folder) / TABLE
-    if not os.path.isfile(table):
-        raise InputError("compare", source, f"expected the folder of a function test, with {TABLE}")
-    rows = read_table(table)
+    if not os.path.isfile(table) and not os.path.isfile(table.with_name(PLAN)):
+        raise InputError("compare", source, f"expected the folder of a function test, with {TABLE} or {PLAN}")
+    is_stopped = not os.path.isfile(table)  # before its end
+    rows = open_session(Path(folder), same_code=False).results() if is_stopped else read_table(table)
     if candidate and candidate not in (there := sorted({row["candidate"] for row in rows})):
         raise InputError("compare", source, f"expected a candidate of {', '.join(there)}")
     return {

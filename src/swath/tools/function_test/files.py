@@ -3,6 +3,8 @@
 from os.path import isfile  # of a name too long, too, it says no
 from pathlib import Path
 
+from swath.core.foreign_code import source_of
+
 SUFFIXES = (".py", ".yaml", ".fmu", ".csv", ".npz")
 
 
@@ -14,6 +16,6 @@ def from_beside(value: object, folder: Path) -> object:
         return [from_beside(inner, folder) for inner in value]
     if isinstance(value, str):
         file, colon, name = value.partition(":")
-        if file.endswith(SUFFIXES) and isfile(folder / file):
+        if file.endswith(SUFFIXES) and isfile(source_of(folder / file)):
             return f"{(folder / file).resolve()}{colon}{name}"
     return value

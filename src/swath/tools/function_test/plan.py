@@ -22,7 +22,7 @@ from pydantic import Field
 
 import swath
 from swath.core.errors import InputError
-from swath.core.foreign_code import Gate, through
+from swath.core.foreign_code import Gate, present_gate, through
 from swath.documents.contents import file_hash, hashes_by_path, with_contents
 from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, parse_value
@@ -227,6 +227,13 @@ class Plan:
                 return place
         return None
 
+    @property
+    def named(self) -> list[Any]:
+        """What it says, with the files that its scenarios, cases and candidates name."""
+        changes = [parse_value(text.partition("=")[2], text)
+                   for sets in (self.sets, *self.candidates.values()) for text in sets]  # fmt: skip
+        return [changes, [[case.scenario, _named_by(case)] for case in self.found]]
+
     def text_in(self, folder: Path) -> str:
         """As it stands in plan.json, with the code that it was made with; a case in the folder by its name.
 
@@ -234,10 +241,7 @@ class Plan:
         """
         expects = {case.name: self.expects.get(case.name, case.file.expect) for case in self.found}
         plain = {"format": "swath test plan 1", **asdict(self), "expects": expects}
-        changes = [parse_value(text.partition("=")[2], text)
-                   for sets in (self.sets, *self.candidates.values()) for text in sets]  # fmt: skip
-        named = [[case.scenario, _named_by(case)] for case in self.found]
-        plain["made_of"] = hashes_by_path([changes, named])
+        plain["made_of"] = hashes_by_path(self.named)
         plain["code"] = self.code or code_hash()
         if isinstance(self.cases, str) and Path(self.cases).parent == folder.resolve():
             plain["cases"] = Path(self.cases).name
@@ -276,7 +280,7 @@ def _is_cheap(scenario: str) -> bool:
 
 def looked_at(scenario: str, sets: Sequence[str] = ()) -> Scenario:
     """The scenario without its code: what a run is called must not depend on what may run."""
-    with through(Gate(leaves=True)):
+    with through(Gate(leaves=True, copies=present_gate().copies)):
         return load_scenario(scenario, sets=sets)
 
 

@@ -4,7 +4,8 @@ import hashlib
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
 from itertools import chain, islice
 from math import inf
@@ -15,7 +16,7 @@ from swath.core.errors import InputError, reason_of
 from swath.core.files.output_folder import check_folder
 from swath.core.files.place import move, own_folder
 from swath.core.files.whole_file import copy_whole, write_whole
-from swath.documents.contents import changed_since, hashes_by_path
+from swath.documents.contents import changed_since, hashes_by_path, keep_python, kept_python
 from swath.documents.json_file import read_object
 from swath.documents.packed import open_parquet, readable
 from swath.documents.text_file import read_text
@@ -45,7 +46,7 @@ from swath.tools.function_test.plan import Plan, PlannedRun, looked_at, plan_of
 from swath.tools.function_test.pool import Done, run_all
 from swath.tools.function_test.stored_line import Result
 
-JOURNALS, RUNS, EARLIER = "journal", "runs.parquet", "earlier"
+JOURNALS, RUNS, EARLIER, PARTS = "journal", "runs.parquet", "earlier", "parts"
 PAGES = ("report.html", "junit.xml")
 NESTED = ("point", "sets", "shadows", "met")  # of a planned run: JSON in its file
 Asked = TypeVar("Asked")
@@ -65,7 +66,13 @@ class Session:
         return self.folder / JOURNALS
 
     def write(self) -> None:
-        """Write the plan, and append the names of its runs to those of earlier rounds."""
+        """Write the plan with its Python files, and append the names of its runs to those of earlier rounds,
+        of which the Python files are.
+        """
+        with own_code(self.folder):
+            self._write()
+
+    def _write(self) -> None:
         import pyarrow as pa
 
         file = self.journals / RUNS
@@ -75,6 +82,7 @@ class Session:
             [(f.name, pa.int64() if f.name == "seed" else pa.string()) for f in fields(PlannedRun)]
         )
         write_parquet(file, schema, chain(_rows(file, 0, self.first), map(_row, self.plan.runs())))
+        keep_python(whole.named, self.folder / PARTS)
         write_whole(self.folder / PLAN, whole.text_in(self.folder))
 
     def counted(self) -> set[str]:
@@ -89,7 +97,7 @@ class Session:
         """
         folder = self.folder / EARLIER
         aside = own_folder(folder / str(1 + len(list(folder.glob("*")))))
-        for file in (self.folder / PLAN, *self.journals.iterdir()):
+        for file in (self.folder / PLAN, *self.journals.iterdir(), *(self.folder / PARTS).glob("*")):
             copy_whole(file, aside / file.relative_to(self.folder), "file", "a file of the plan")
         for name in (TABLE, *PAGES):
             if os.path.isfile(self.folder / name):
@@ -118,7 +126,7 @@ class Session:
 
     @property
     def changed(self) -> str:
-        """Names of the files that are not as they were when its runs were made; "" where all are."""
+        """The files that are not as they were when its runs were made, in words; "" where all are."""
         return changed_since(self.plan.made_of)
 
     @property
@@ -160,28 +168,22 @@ class Session:
     def do(self, workers: int, done: Done, client: Any = None, first: float = inf) -> None:
         """Do what is left on worker processes, or those of a client of dask; `done` gets each result.
 
-        first: as of `runs`. InputError where a file of the plan is changed meanwhile.
+        first: as of `runs`. InputError where a file of the plan is changed meanwhile, of which there is no copy.
         """
-
-        def unchanged(result: Result) -> None:
-            if result["verdict"] == CHANGED:
-                expected = "expected as it was: it was changed while runs were made; those before are kept"
-                raise InputError("file", result["reason"], expected)
-            done(result)
-
-        if client is not None:
-            run_on_cluster(self.left(first), self.journals, client, unchanged)
-        else:
-            run_all(self.left(first), self.journals, workers, unchanged)
+        with own_code(self.folder):
+            if client is not None:
+                run_on_cluster(self.left(first), self.journals, client, _unchanged(done))
+            else:
+                run_all(self.left(first), self.journals, workers, _unchanged(done))
 
     def do_share(self, share: int, of: int, done: Done) -> None:
-        """Do what is left of one share of the plan (1..of), in this process."""
+        """Do what is left of one share of the plan (1..of), in this process. InputError as `do`."""
         journal, fields = Journal(self.journals, f"share-{share}-of-{of}"), KeptFields()
         mine = (run for run in self.left() if int(run.id, 16) % of == share - 1)
-        for chunk in in_chunks(mine, 1):
-            for result in results_in(chunk, fields):
-                done(journal.add(result))
-        journal.close()
+        with own_code(self.folder), closing(journal):
+            for chunk in in_chunks(mine, 1):
+                for result in results_in(chunk, fields):
+                    _unchanged(done)(journal.add(result))
 
     def results(self, first: float = inf) -> list[Result]:
         """Finished runs in the order of the plan; first: as of `runs`."""
@@ -245,6 +247,18 @@ class Session:
         return run, next(iter(results_of(self.journals, [run.id])), None)
 
 
+def _unchanged(done: Done) -> Done:
+    """The same, but InputError for a run in which a file was changed."""
+
+    def told(result: Result) -> None:
+        if result["verdict"] == CHANGED:
+            expected = "expected as it was while runs are made; those before are kept"
+            raise InputError("file", result["reason"], expected)
+        done(result)
+
+    return told
+
+
 def _about(run: PlannedRun) -> dict[str, Any]:
     return {"case": run.case, "candidate": run.candidate, "point": dict(run.point), "seed": run.seed}
 
@@ -284,13 +298,10 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
     another version of a file, are put aside under `earlier`.
     """
     file = folder / PLAN
-    text = plan.text_in(folder)
-    if os.path.isfile(file) and _as_asked(read_text(file, "--out", "a plan")) != _as_asked(text):
-        expected = (
-            "expected a new folder: in this one lie results of another plan, or of another version of swath"
-        )
-        raise InputError("--out", str(folder), expected)
-    if not os.path.isfile(file):
+    if os.path.isfile(file):
+        texts = read_text(file, "--out", "a plan"), plan.text_in(folder)
+        check_same(folder, "plan", *map(_as_asked, texts))
+    else:
         check_folder(folder, (PLAN, JOURNALS), "function test")
         check_folder(folder / JOURNALS, (RUNS,), "function test")  # written before the plan
     plan.check(candidates)
@@ -298,7 +309,7 @@ def begin(folder: Path, plan: Plan, candidates: Path | None = None) -> Session:
     old = session.counted()
     if old and not old <= {run.id for run in plan.runs()}:
         session.put_aside()
-    session.write()
+    session._write()
     return session
 
 
@@ -311,19 +322,47 @@ def claim_folder(file: Path, asked: Any, what: str) -> None:
     if before is None:
         check_folder(file.parent, (file.name,), what.split()[-1])
         write_whole(file, json.dumps(asdict(asked), indent=2, sort_keys=True) + "\n")
-    elif before != asked:
-        was, now = asdict(before), asdict(asked)
-        other = "; ".join(f"{k} {was[k]!s:.40}, now {now[k]!s:.40}" for k in now if was[k] != now[k])
-        expected = f"expected a new folder: this one holds another {what.split()[-1]} ({other})"
-        raise InputError("--out", str(file.parent), expected)
+    else:
+        check_same(file.parent, what.split()[-1], asdict(before), asdict(asked))
     check_version(file.parent)
 
 
+def check_same(folder: Path, what: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """InputError for a folder that holds another plan, search or campaign; it names what differs."""
+    if other := [key for key in {**was, **now} if was.get(key) != now.get(key)]:
+        differ = "; ".join(
+            f"{key} {{}}, now {{}}".format(*apart(was.get(key), now.get(key))) for key in other
+        )
+        expected = f"expected a new folder: this one holds another {what} ({differ})"
+        raise InputError("--out", str(folder), expected)
+
+
+def apart(*values: Any) -> list[str]:
+    """The beginnings of values as text; of long ones the places from which on they differ."""
+    texts = [str(value) for value in values]
+    alike = next((n for n, signs in enumerate(zip(*texts, strict=False)) if len({*signs}) > 1), 0)
+    begin = max(0, alike - 20) if max(map(len, texts)) > 40 else 0
+    return [f"{'...' * bool(begin)}{text[begin : begin + 40]}" for text in texts]
+
+
+def own_code(folder: Path) -> Any:
+    """A block in which the Python files of a session are read as they were when it was begun."""
+    data = read_object(folder / PLAN, PLAN, "a plan") if os.path.isfile(folder / PLAN) else {}
+    return kept_python(data.get("made_of", {}), folder / PARTS)
+
+
 def check_version(folder: Path, key: str = "--out") -> None:
-    """InputError for a folder whose runs were made by another version of a file."""
-    if os.path.isfile(folder / PLAN) and (names := open_session(folder).changed):
-        expected = f"expected a new folder: the runs in this one are of another version of {names}"
-        raise InputError(key, str(folder), expected)
+    """InputError for a folder whose runs were made by another version of a file, of which it has no copy."""
+    if os.path.isfile(folder / PLAN):
+        session = open_session(folder)
+        with own_code(folder):
+            lacks = changed_since(session.plan.made_of)
+        if lacks:
+            expected = f"expected a new folder: the runs in this one are of another version of {lacks}"
+            expected += "; copies of Python files in it run with --allow-code"
+            raise InputError(key, str(folder), expected)
+        if session.changed:
+            print(f"note    the runs go on with the copy of {session.changed} that lies in the folder")
 
 
 def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
@@ -335,13 +374,13 @@ def read_asked(file: Path, kind: type[Asked], what: str) -> Asked | None:
     return found
 
 
-def _as_asked(text: str) -> str:
+def _as_asked(text: str) -> dict[str, Any]:
     """A plan without what only makes another version of it: limits of its cases, contents of its files."""
     try:
         data: dict[str, Any] = json.loads(text)
     except ValueError:
-        return text
-    return json.dumps({key: value for key, value in data.items() if key not in ("expects", "made_of")})
+        return {"text": text}
+    return {key: value for key, value in data.items() if key not in ("expects", "made_of")}
 
 
 def open_session(folder: Path, *, same_code: bool = True) -> Session:

@@ -26,7 +26,7 @@ from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven
 from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash, commit
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.session import Session, check_version, read_asked
+from swath.tools.function_test.session import Session, check_same, check_version, own_code, read_asked
 from swath.tools.function_test.stored_line import Result
 
 CAMPAIGN, ODD_FILE, CASE_FILE = "campaign.json", "campaign.odd.yaml", "campaign.yaml"
@@ -111,7 +111,8 @@ def conduct(
         new = design.next(coverage.planned, len(points), count)
         part = _session(folder, campaign, new, len(points))
         if not points:
-            part.plan.check()
+            with own_code(folder):
+                part.plan.check()
         points += new
         part.write()
         part.do(workers, done, client)
@@ -160,11 +161,8 @@ def _claim_folder(folder: Path, campaign: Campaign, odd: Odd) -> Campaign:
     file = folder / CAMPAIGN
     before = read_asked(file, Campaign, "a campaign")
     if before is not None:
-        if replace(before, budgets=campaign.budgets) != campaign:
-            expected = (
-                "expected a new folder: this one holds another campaign, or one of another ODD or other code"
-            )
-            raise InputError("--out", str(folder), expected)
+        was, now = (asdict(replace(each, budgets=(), commit="")) for each in (before, campaign))
+        check_same(folder, "campaign", was, now)
         check_version(folder)
         is_longer = campaign.budgets[-1] > before.budgets[-1]
         campaign = replace(before, budgets=(*before.budgets, *campaign.budgets)) if is_longer else before
