@@ -115,6 +115,16 @@ def test_a_run_with_a_wrong_part_ends_with_its_file_and_field(tmp_path, capsys):
     assert "mistake in swath" not in said
 
 
+def test_what_a_part_inherits_is_not_blamed_on_swath(tmp_path, capsys):
+    """Without the parameters of the level that it is made from, that level cannot be made."""
+    (tmp_path / "my.py").write_text("from swath.control.edge import otsu\n\n\nclass Mine(otsu.Otsu): ...\n")
+    changes = ["--set", f"combine.edge.level={tmp_path / 'my.py'}:Mine"]
+    assert main(["run", "straight", *changes, "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert f"{tmp_path / 'my.py'}:4: AttributeError" in said
+    assert "mistake in swath" not in said
+
+
 def test_a_part_that_comes_while_a_run_goes_is_checked_too(tmp_path, capsys):
     (tmp_path / "my.py").write_text(WRONG, encoding="utf-8")
     part = f"{tmp_path / 'my.py'}:Mine"

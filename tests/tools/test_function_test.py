@@ -16,7 +16,7 @@ from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import find_cases, read_case
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.journal import Journal, finished, results_of, write_table
-from swath.tools.function_test.judging.judged import PresentLimits
+from swath.tools.function_test.judging.judged import PresentLimits, unjudged_lines
 from swath.tools.function_test.judging.margin import margin
 from swath.tools.function_test.judging.ranking import HEAD, Measured, by_tag, ranking
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed, verdict
@@ -397,3 +397,14 @@ def test_a_level_that_is_not_the_one_asked_for_is_told(case_file, tmp_path, chan
         assert lines[0].startswith(f"--level empirical: {count} of {count} runs")
     if len(said) > 1:
         assert f": {count} runs at plants: " in lines[1]
+
+
+def test_each_run_that_is_not_judged_is_counted_by_its_own_reason():
+    made = [("not judged", "not judged: combine.lidar beyond"), ("not judged", "combine.edge_rmse_m: "),
+            ("not judged", "combine.edge_rmse_m: "), ("open", ""), ("error", "crashed")]  # fmt: skip
+    lines = unjudged_lines({"verdict": verdict, "reason": reason} for verdict, reason in made)
+    assert lines == [
+        "1 runs not judged: a level was outside the range in which it was checked",
+        "2 runs not judged: a limit was not measured",
+        "1 runs not judged: no limit is on what it did",
+    ]

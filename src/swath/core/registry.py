@@ -16,8 +16,10 @@ Levels that stand for somebody else's part (an FMU, a ROS 2 node, a log) may fil
 import difflib
 import importlib
 import importlib.util
+import inspect
 import pkgutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint, entry_points
@@ -274,10 +276,17 @@ def _level_of_class(component: Any) -> Level:
 
 
 def user_line(error: BaseException) -> tuple[str, int] | None:
-    """File and line of the innermost call of a user's own level on the way to an error; None without one."""
+    """File and line of the innermost call of a user's own level on the way to an error; None without one.
+
+    Of what such a level inherits from a built-in one, where its class begins.
+    """
     found, trace = None, error.__traceback__
     while trace is not None:
-        if str(trace.tb_frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
-            found = trace.tb_frame.f_code.co_filename, trace.tb_lineno
+        frame, part = trace.tb_frame, type(trace.tb_frame.f_locals.get("self"))
+        if str(frame.f_globals.get("__name__", "")).startswith(USER_MODULE):
+            found = frame.f_code.co_filename, trace.tb_lineno
+        elif found is None and part.__module__.startswith(USER_MODULE):
+            with suppress(OSError, TypeError):  # its file is gone
+                found = inspect.getfile(part), inspect.getsourcelines(part)[1]
         trace = trace.tb_next
     return found
