@@ -154,8 +154,12 @@ def test_a_run_in_which_a_file_was_edited_is_not_stored(made, capsys):
     journal.close()
     assert (changed["verdict"], changed["reason"]) == ("changed", "my.py (changed)")
     assert every_line(made / "out") == {first.id}
-    check_version(made / "out")
+    with through(Gate(None)):
+        check_version(made / "out")
     assert "go on with the copy of my.py (changed)" in capsys.readouterr().out
+    named = Gate(frozenset({(made / "my.py").resolve()}))  # the copy may be somebody else's
+    with through(named), pytest.raises(InputError, match=r"my\.py \(changed\); copies .* --allow-code"):
+        check_version(made / "out")
 
 
 def test_a_folder_of_the_version_before_is_read_by_what_its_runs_are(made, capsys):

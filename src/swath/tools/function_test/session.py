@@ -168,7 +168,7 @@ class Session:
     def do(self, workers: int, done: Done, client: Any = None, first: float = inf) -> None:
         """Do what is left on worker processes, or those of a client of dask; `done` gets each result.
 
-        first: as of `runs`. InputError where a file of the plan is changed meanwhile, of which there is no copy.
+        first: as of `runs`. InputError where a file of the plan without a copy is changed meanwhile.
         """
         with own_code(self.folder):
             if client is not None:
