@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.abilities import Ending, EndsRun, StepsAnyLength
+from swath.core.asked import PRESENT, asking
 from swath.core.blocks import Block, Blocks, Seen, Shown
 from swath.core.component import Component, Outputs, Port, State, check_fit
 from swath.core.errors import SwathError, WiringError
@@ -145,7 +146,8 @@ class Graph:
         until it sends anew. The period stays, and the fault, which `guard` may make anew. Raises
         WiringError when it does not fit, and what the component raises; then nothing has changed.
         """
-        component.reset(Stream(self.seed, slot))
+        with asking(slot):
+            component.reset(Stream(self.seed, slot))
         if state is not None:
             component.load(state)
         node = self._names[slot]
@@ -387,7 +389,9 @@ class Lockstep:
             for queue in rank.queues.values():
                 queue.clear()
         for rank in self._ranks:
-            self._send(rank, 0, rank.reset([Stream(graph.seed, rank.name) for graph in self.graphs]))
+            with asking(rank.name):
+                made = rank.reset([Stream(graph.seed, rank.name) for graph in self.graphs])
+            self._send(rank, 0, made)
         self._before = dict(self._latest)
         self.look()
 
@@ -578,8 +582,9 @@ class Lockstep:
         need = program.walk(first, last, base, piece)
         while need is not None:
             op, stage, started = need[0].op, need[1], time.perf_counter()
-            op.needs[0] = 0
+            op.needs[0], PRESENT.part = 0, self._ranks[need[0].place].name
             op.supply(stage)
+            PRESENT.part = None
             self._ranks[need[0].place].cost.seconds += time.perf_counter() - started
             if errors := {world: error for world, error in op.errors.items() if self.active[world]}:
                 self._fail(errors)
@@ -810,7 +815,8 @@ class Lockstep:
             waits = any(map(len, queues.values())) or not queues
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
-                made = part.step(last, self.t - last, self._inputs(rank, 0))
+                with asking(rank.name):
+                    made = part.step(last, self.t - last, self._inputs(rank, 0))
                 for queue in queues.values():
                     queue.clear()
                 if (fault := rank.nodes[0].fault) is not None:
@@ -873,7 +879,7 @@ class Lockstep:
     def _step(self, rank: _Rank, t: int) -> None:
         period, batch = rank.slot.period, rank.batch
         outputs: dict[str, Sent]
-        started = time.perf_counter()
+        started, PRESENT.part = time.perf_counter(), rank.name
         if batch is None:
             outputs = self._step_each(rank, t, period)
         else:
@@ -883,6 +889,7 @@ class Lockstep:
             outputs = {name: Sent(samples) for name, samples in made.items()}
             if rank.checks:
                 self._check(rank, t, outputs)
+        PRESENT.part = None
         rank.cost.seconds += time.perf_counter() - started
         rank.cost.steps += 1
         if self.going:

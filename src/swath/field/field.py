@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.abilities import HasNotes
+from swath.core.asked import bare
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
@@ -86,7 +87,7 @@ class Field:
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         said: Moisture = getattr(stand, "moisture", Moisture())
-        self._by_weather = said.straw_moisture_percent == BY_WEATHER
+        self._by_weather = bare(said).straw_moisture_percent == BY_WEATHER
         self.moisture = by_weather(said, weather, crop_height)
         self.weather = weather
         self.plumes: dict[str, Puffs] = {}  # by machine
@@ -120,7 +121,7 @@ class Field:
 
     def film(self, t: int) -> float:
         """Share of the straw that water covers at a time of the run [ns]."""
-        return film_share(self.moisture.at(t)["straw_moisture"], self.moisture)
+        return film_share(self.moisture.of_straw(t), self.moisture)
 
     @property
     def pages(self) -> Pages:

@@ -49,17 +49,21 @@ class Moisture:
 
     def at(self, t: int) -> dict[str, float]:
         """`grain_moisture` and `straw_moisture` at a time [ns] of the run, shares of the wet mass."""
+        return {"grain_moisture": self.of_grain(t), "straw_moisture": self.of_straw(t)}
+
+    def of_grain(self, t: int) -> float:
+        """Water in the grain at a time [ns] of the run, share of the wet mass."""
+        return PERCENT * self._percent(self.grain_moisture_percent, t)
+
+    def of_straw(self, t: int) -> float:
+        """The same of the straw."""
+        return PERCENT * self._percent(self.straw_moisture_percent, t)
+
+    def _percent(self, given: FromWeather, t: int) -> float:
+        if isinstance(given, str):
+            raise InputError("straw_moisture_percent", given, "expected a field with weather")
+        if not isinstance(given, tuple):
+            return given
         hour = (NOON if self.start_hour is None else self.start_hour) + t / NS / HOUR
-        return {
-            "grain_moisture": PERCENT * _percent(self.grain_moisture_percent, hour),
-            "straw_moisture": PERCENT * _percent(self.straw_moisture_percent, hour),
-        }
-
-
-def _percent(given: FromWeather, hour: float) -> float:
-    if isinstance(given, str):
-        raise InputError("straw_moisture_percent", given, "expected a field with weather")
-    if not isinstance(given, tuple):
-        return given
-    hours, percents = np.array(given).T
-    return float(np.interp(hour, hours, percents, period=DAY))
+        hours, percents = np.array(given).T
+        return float(np.interp(hour, hours, percents, period=DAY))

@@ -14,17 +14,19 @@ Extinction, of light in the air [1/m]:
 - dust as said: coarse dust dims 550 to 1550 nm alike within 15 %
 """
 
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
 from math import acos, atan2, cos, hypot, inf, isnan, log, sin
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from swath.core.asked import Tell, bare, gathered, telling, telling_kind
 from swath.core.errors import Extra, InputError, MissingExtra
 from swath.core.schedule import NS
 from swath.core.units import DEG, HOUR, PERCENT
@@ -38,6 +40,7 @@ from swath.field.moisture import DAY
 from swath.field.weather_table import DEW_POINT, EARLIER, read_table
 from swath.field.weather_witnesses import WITNESSES
 
+T = TypeVar("T")
 RainLaw = Literal["drops", "goodin"]
 LEFT_AT_MOR = 0.05  # of a beam after the meteorological optical range (WMO-No. 8)
 GREEN = 550e-9  # wavelength of visibilities [m]
@@ -111,6 +114,12 @@ class Air:
     cloud: float = 0.0
 
 
+AIR_KEYS = {
+    "rain": ("rain_mm_h",), "mor": ("fog_mor_m",), "dust": ("dust_per_m",), "wind": ("wind_m_s", "wind_azimuth_deg"),
+    "temperature": ("temperature_c",), "humidity": ("humidity_percent",), "cloud": ("cloud_percent",),
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Sun:
     """Where the sun stands, refraction included [rad]. azimuth: clockwise from the north of the world."""
@@ -130,22 +139,41 @@ class SiteWeather:
 
     def __init__(self, params: Weather, origin: Origin | None = None, folder: Path | None = None) -> None:
         self.params, self._origin = params, origin
-        self.start = None if params.time is None else _moment(params.time)
+        params = bare(params)  # who asks for the air asks for keys
+        self._start = None if params.time is None else _moment(params.time)
         self._rows, self.notes = None, list[str]()
         if params.file is not None:
-            self._rows, self.notes = _rows(params, self.start, folder or Path(), origin)
-        self._constant = None if self._rows is not None else _air(params)
+            self._rows, self.notes = _rows(params, self._start, folder or Path(), origin)
+        self._air = self._telling(Air, AIR_KEYS)
+        self._sun = self._telling(Sun, {"azimuth": SUN_KEYS[:1], "elevation": SUN_KEYS[1:]})
+        self._constant = None if self._rows is not None else _air(params, self._air)
         missing = [n for n in SUN_KEYS if getattr(params, n) is None and n not in (self._rows or {})]
         if len(missing) == 1:
             raise InputError(f"field.weather.{missing[0]}", None, "expected both angles of the sun, or none")
-        if self._is_by_place and self.start is not None and origin is None and self._rows is None:
+        if self._is_by_place and self._start is not None and origin is None and self._rows is None:
             expected = "expected a field that lies on Earth: field.origin, or an imported one"
             raise InputError("field.weather.time", params.time, expected)
+
+    def _telling(self, kind: type[T], keys: Mapping[str, Iterable[str]]) -> type[T]:
+        """A class like `kind`: who reads one of its fields asks for these keys."""
+        return telling_kind(kind, {name: self._tell(of) for name, of in keys.items()})
+
+    def _tell(self, keys: Iterable[str]) -> Tell:
+        """What tells that keys were asked for; of those that its file has, the file and the time."""
+        known = set(self._rows or ())
+        known |= {"wind_m_s", "wind_azimuth_deg"} if "wind_east" in known else set()
+        named = {name for key in keys for name in (("file", "time") if key in known else (key,))}
+        return gathered(lambda: [getattr(self.params, name) for name in sorted(named)])[1]
+
+    @property
+    def start(self) -> datetime | None:
+        """When the run starts, None = nobody says."""
+        return None if self.params.time is None else self._start
 
     @property
     def _is_by_place(self) -> bool:
         given = self._rows or {}
-        return self.params.sun_elevation_deg is None and "sun_elevation_deg" not in given
+        return bare(self.params).sun_elevation_deg is None and "sun_elevation_deg" not in given
 
     @property
     def may_be_dim(self) -> bool:
@@ -158,11 +186,11 @@ class SiteWeather:
 
     def beyond(self, t: int | None = None) -> list[str]:
         """That its file of several rows does not cover a run up to t [ns], None = a whole day, else []."""
-        if self._rows is None or self.start is None or len(hours := self._rows["hour"]) == 1:
+        if self._rows is None or self._start is None or len(hours := self._rows["hour"]) == 1:
             return []
         begin, end = float(hours[0]), float(hours[-1])
         if end - begin >= DAY or (
-            t is not None and _within(hours, hour_of(self.start)) + t / NS / HOUR <= end
+            t is not None and _within(hours, hour_of(self._start)) + t / NS / HOUR <= end
         ):
             return []
         said = f"beyond the hours of its file, {begin:g} to {end:g}, its nearest row is taken"
@@ -171,17 +199,17 @@ class SiteWeather:
 
     def at(self, t: int) -> Air:
         """The air at a time of the run [ns]."""
-        return self._constant or _air(self.params_at(t))
+        return self._constant or _air(self._params_at(t), self._air)
 
     def sun(self, t: int) -> Sun | None:
         """The sun at a time of the run [ns]; None where the scenario says nothing of it."""
-        params = self.params_at(t)
+        params = self._params_at(t)
         if params.sun_azimuth_deg is not None and params.sun_elevation_deg is not None:
-            return Sun(params.sun_azimuth_deg * DEG, params.sun_elevation_deg * DEG)
-        if self.start is None or self._origin is None:
+            return self._sun(params.sun_azimuth_deg * DEG, params.sun_elevation_deg * DEG)
+        if (start := self.start) is None or self._origin is None:
             return None
         step = t // (SUN_STEP_S * NS)
-        return sun_at(self.start + timedelta(seconds=step * SUN_STEP_S), self._origin)
+        return sun_at(start + timedelta(seconds=step * SUN_STEP_S), self._origin)
 
     def light(self, t: int) -> Light | None:
         """The light at a time of the run [ns]; None where the scenario says nothing of the sun."""
@@ -190,9 +218,14 @@ class SiteWeather:
 
     def params_at(self, t: int) -> Weather:
         """What the scenario and its file say at a time of the run [ns]."""
-        rows, start = self._rows, self.start
-        if rows is None or start is None:
+        if self._rows is None:
             return self.params
+        return telling(self._params_at(t), {key: self._tell([key]) for key in COLUMNS})
+
+    def _params_at(self, t: int) -> Weather:
+        rows, start = self._rows, self._start
+        if rows is None or start is None:
+            return bare(self.params)
         hour = _within(rows["hour"], _within(rows["hour"], hour_of(start)) + t / NS / HOUR)
         found: dict[str, Any] = {
             name: float(np.interp(hour, rows["hour"], rows[name])) for name in rows if name != "hour"
@@ -200,7 +233,7 @@ class SiteWeather:
         if {"wind_east", "wind_north"} <= found.keys():  # between rows a vector, not an angle
             east, north = found.pop("wind_east"), found.pop("wind_north")
             found |= {"wind_m_s": hypot(east, north), "wind_azimuth_deg": atan2(east, north) / DEG}
-        return replace(self.params, **found)
+        return replace(bare(self.params), **found)
 
 
 def extinction(air: Air, wavelength: float, rain_law: RainLaw = "drops") -> float:
@@ -248,9 +281,9 @@ def sun_at(moment: datetime, origin: Origin) -> Sun:
     )
 
 
-def _air(p: Weather) -> Air:
+def _air(p: Weather, kind: type[Air]) -> Air:
     heading = from_azimuth(p.wind_azimuth_deg)
-    return Air(
+    return kind(
         rain=p.rain_mm_h,
         mor=inf if p.fog_mor_m is None or isnan(p.fog_mor_m) else p.fog_mor_m,
         dust=p.dust_per_m,

@@ -11,11 +11,11 @@ darkens a reflectance r to r / (n^2 (1 - r) + r), n = 1.33 (Angstrom 1925). The 
 stand was compared.
 """
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from swath.core.asked import bare, gathered, replaced, telling
 from swath.core.errors import InputError
 from swath.core.schedule import NS
 from swath.core.units import HOUR, PERCENT
@@ -96,20 +96,29 @@ def day_of(weather: SiteWeather, start: float, height: float, of: Moisture) -> t
 
 def by_weather(moisture: Moisture, weather: SiteWeather | None, height: float) -> Moisture:
     """Moisture of a stand by the hour of its weather, of its straw that of the weather where it says so."""
-    key, own = "field.stand.straw_moisture_percent", moisture.start_hour
-    if weather is not None and weather.start is not None:
-        start = hour_of(weather.start)
+    key, own = "field.stand.straw_moisture_percent", bare(moisture).start_hour
+    moment, asks_time = gathered(lambda: None if weather is None else weather.start)
+    if moment is not None:
+        start = hour_of(moment)
         if own is not None and abs(own - start) * HOUR >= 60.0:
             expected = f"expected {start:.4g}, the hour of field.weather.time, or none"
             raise InputError("field.stand.start_hour", own, expected)
-        moisture = replace(moisture, start_hour=start)
-    if moisture.straw_moisture_percent != BY_WEATHER:
+        moisture = telling(replaced(moisture, start_hour=start), {"start_hour": asks_time})
+    if bare(moisture).straw_moisture_percent != BY_WEATHER:
         return moisture
     if weather is None:
         raise InputError(key, BY_WEATHER, "expected field.weather beside it")
+    (_, percents), asks = gathered(
+        lambda: (moisture.straw_moisture_percent, _percents(moisture, weather, height))
+    )
+    said = replaced(moisture, straw_moisture_percent=percents)
+    return telling(said, {"straw_moisture_percent": asks})
+
+
+def _percents(moisture: Moisture, weather: SiteWeather, height: float) -> tuple[tuple[float, float], ...]:
+    """Pairs of hour and water in the straw, by the weather."""
     start = NOON if moisture.start_hour is None else moisture.start_hour
     hours, film, content = day_of(weather, start, height, moisture)
     water = content * moisture.dry_straw_kg_m2 + film
     percents = (water / (moisture.dry_straw_kg_m2 + water) / PERCENT).tolist()
-    pairs = tuple(zip(hours.tolist(), percents, strict=True))
-    return replace(moisture, straw_moisture_percent=pairs)
+    return tuple(zip(hours.tolist(), percents, strict=True))

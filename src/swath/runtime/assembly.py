@@ -22,6 +22,7 @@ from swath.core.abilities import (
     HasRange,
     NeedsRealTime,
 )
+from swath.core.asked import Asked, asking
 from swath.core.checked import CheckedOutput
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError, WiringError
@@ -182,7 +183,8 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
     bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}
     before_asking: list[Callable[[], None]] = []
-    site = _Site(ground.field, ground.obstacles, bodies, base, sheets, before_asking, ground.origin)
+    asked = Asked()
+    site = _Site(ground.field, ground.obstacles, bodies, base, sheets, before_asking, asked, ground.origin)
     machines: dict[str, Machine] = {}
     nodes: list[Node] = []
     for section in scenario.machines.values():
@@ -201,7 +203,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
     devices = [] if only is not None else _devices(scenario, machines)
     world = World(
         scenario, ground.field, ground.obstacles, ground.driven, site.bodies, graph, machines, walkers,
-        before_asking, devices,
+        before_asking, devices, (ground.asked, asked),
     )  # fmt: skip
     world.watch_bodies()
     for device in devices:
@@ -254,6 +256,7 @@ class _Site:
     base: Path
     sheets: Mapping[str, MachineSheet]
     before_asking: list[Callable[[], None]]  # as `World.before_asking`
+    asked: Asked  # who asks for keys of slots
     origin: Origin | None = None
 
 
@@ -331,7 +334,7 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
     sheets = {m.name: m.sheet for m in world.machines.values()}
     site = _Site(
         world.field, world.obstacles, world.bodies, folder_of(world.scenario), sheets, world.before_asking,
-        machine.origin,
+        world.asked[-1], machine.origin,
     )  # fmt: skip
     place = _Place(machine.section, machine.sheet, machine.edge, machine.start, machine.mountings, site)
     component = _make(place, slot, choice)
@@ -456,7 +459,9 @@ def _make(place: _Place, slot: str, choice: SlotChoice) -> Any:
     name = f"{place.section.name}.{slot}"
     try:
         really = displaced(choice) if choice.common.mount_error else choice
-        component = really.make(_setup(place, slot, choice))
+        params = place.site.asked.watched(really.params, name)
+        with asking(name):
+            component = dataclasses.replace(really, params=params).make(_setup(place, slot, choice))
     except InputError as error:
         if error.file is not None:
             raise

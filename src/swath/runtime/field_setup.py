@@ -1,12 +1,14 @@
 """The field of a scenario: its parts made by their levels, or taken from a field folder, and put together."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swath.core.asked import ALL, Asked, asking, telling
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop_sheet import load_crop
@@ -14,18 +16,19 @@ from swath.field.edges.boundary import Region
 from swath.field.edges.edge import TrackEdge, make_boundary, make_edge
 from swath.field.field import Field, make_field
 from swath.field.field_setup import FieldSetup
-from swath.field.ground.soil import make_soil
+from swath.field.ground.soil import Soil, make_soil
 from swath.field.maps.projection import Origin, origin_at
 from swath.field.maps.raster import Raster
 from swath.field.memory_layout import Solids
+from swath.field.moisture import Moisture
 from swath.field.solid.obstacles import Thing, things_of
 from swath.field.solid.solids import merge
 from swath.field.stand.maps import Maps
 from swath.field.stand.maps import Params as MapsParams
 from swath.field.terrain.dem import Dem
 from swath.field.terrain.dem import Params as DemParams
-from swath.field.weather import SiteWeather
-from swath.scenario.resolved import FieldSection
+from swath.field.weather import SiteWeather, Weather
+from swath.scenario.resolved import FieldSection, LevelChoice
 from swath.signals import F64
 
 if TYPE_CHECKING:
@@ -40,12 +43,14 @@ FAR_M = (
 class Ground:
     """field; things: its obstacles; driven: the real pass that the first edge follows, (n, 2) world [m],
     if it does
+    asked: who asks for the keys of the field
     origin: where on Earth the world's origin lies, of an imported field or of maps in a known system.
     """
 
     field: Field
     things: tuple[Thing, ...]
     driven: F64 | None
+    asked: Asked
     origin: Origin | None = None
 
     @cached_property
@@ -60,6 +65,37 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bo
     base: folder that relative file names start from
     is_cut: by some machine, so that the edges must lie in it
     """
+    asked = Asked()
+    with asking(ALL):
+        made = _build(watched_field(section, asked), asked, stream, base, is_cut=is_cut)
+    asked.begin()
+    return made
+
+
+def watched_field(section: FieldSection, asked: Asked) -> FieldSection:
+    """The section with parameters that tell what is read of them."""
+
+    def level(name: str, choice: LevelChoice | None, each: Sequence[str] = ()) -> LevelChoice | None:
+        return choice and replace(choice, params=asked.watched(choice.params, f"field.{name}", each))
+
+    is_one = list(section.edges) == ["edge"]
+    edges = {
+        name: asked.watched(edge, "field.edge" if is_one else f"field.edges.{name}")
+        for name, edge in section.edges.items()
+    }
+    obstacles = [asked.watched(o, f"field.obstacles.{i}") for i, o in enumerate(section.obstacles)]
+    return replace(
+        section,
+        terrain=level("terrain", section.terrain),
+        stand=level("stand", section.stand, [own.name for own in fields(Moisture)]),
+        edges=edges,
+        obstacles=tuple(obstacles),
+        boundary=asked.watched(section.boundary, "field.boundary"),
+        weather=asked.watched(section.weather, "field.weather", [own.name for own in fields(Weather)]),
+    )
+
+
+def _build(section: FieldSection, asked: Asked, stream: Stream, base: Path, *, is_cut: bool) -> Ground:
     folder = None if section.folder is None else _read(section.folder)
     mapped = _origin_of_maps(section, base) if folder is None else None
     stated = stated_origin(section)
@@ -86,14 +122,24 @@ def build_field(section: FieldSection, *, stream: Stream, base: Path, is_cut: bo
         weather=weather,
         is_cut=is_cut,
     )
-    field.soil = make_soil(section.common.soil, setup)
+    field.soil = _soil(section, asked, setup)
     driven = None
     first = next(iter(section.edges.values()))
     if isinstance(first, TrackEdge) and first.file is None:
         driven = setup.tracks[first.track]
     if mapped is not None:
         origin = replace(mapped, height=float(getattr(field.terrain, "datum", 0.0)))
-    return Ground(field, things_of(section.obstacles, field), driven, origin)
+    return Ground(field, things_of(section.obstacles, field), driven, asked, origin)
+
+
+def _soil(section: FieldSection, asked: Asked, setup: FieldSetup) -> Soil | None:
+    """Soil that asks for its keys when it is read."""
+    if (soil := make_soil(said := section.common.soil, setup)) is None:
+        return None
+    tells = asked.tells(said, "field.soil")
+    made_of = {"index": "cone_index_kpa", "raster": "file", "spots": "wet_spots", "has_ruts": "ruts"}
+    by = {key: field for field, key in made_of.items()}
+    return telling(soil, {by.get(key, key): tell for key, tell in tells.items()})
 
 
 def stated_origin(section: FieldSection) -> Origin | None:

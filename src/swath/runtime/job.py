@@ -38,6 +38,7 @@ from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.saves import read_save, saved_before
 from swath.runtime.world import World
 from swath.scenario.scenario import Scenario
+from swath.scenario.schema import described
 from swath.terminal.outcome import NOT_JUDGED, result_of
 
 
@@ -211,6 +212,16 @@ def unheard(world: World) -> list[str]:
     return [f"{slot}: no part takes these settings, level organs of process does" for slot in unread]
 
 
+def unasked(world: World) -> list[str]:
+    """Notes on keys that were set and that nothing uses, with what the docs say of them."""
+    about = {key: of for asked in world.asked for key, of in asked.about.items()}
+    return [
+        f"no part of this run uses {key}: {described(*about[key])}"
+        for key, parts in world.asked_by.items()
+        if not parts
+    ]
+
+
 def _grid(world: World) -> dict[str, Any]:
     """`map_grid`: how the world's axes lie on Earth, where its place there is known."""
     origin = next((m.origin for m in world.machines.values()), None)
@@ -378,7 +389,7 @@ class Running:
         )
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
-        notes += [*unheard(world), *self.evaluation.notes()]
+        notes += [*unheard(world), *unasked(world), *self.evaluation.notes()]
         with through(scenario.gate):
             if files := hashes(scenario.plain()):
                 summary["files"] = files

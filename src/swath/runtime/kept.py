@@ -35,6 +35,7 @@ class KeptFields:
         else:
             kept.field.profile, kept.field.plumes = None, {}  # levels ask for them anew
             kept.field.reset()
+            kept.asked.begin_again()
             kept = replace(kept, things=things_of(section.obstacles, kept.field))
         self._grounds[key] = kept
         return kept

@@ -194,7 +194,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "receiver_light_lx": Quantity("lx", "light on level ground, where receivers of scanners know it",
                                   lambda w: 0.0, ("lidar", "edge"), (0.0, 0.0), 10.0),
     "straw_moisture_percent": Quantity("%", "water in the straw of the stand",
-                                       lambda w: w.field.moisture.at(w.state.t)["straw_moisture"] / PERCENT,
+                                       lambda w: w.field.moisture.of_straw(w.state.t) / PERCENT,
                                        CROP, (5.0, 18.0)),
     "other_crop": Quantity("1", "1 where the crop is not wheat, else 0",
                            lambda w: float(w.field.stand.crop != "wheat"), CROP, (0.0, 0.0)),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import Closes, CountsBeams, CountsRays, HasNotes, HasRange, KnowsErrors, OffersRates
+from swath.core.asked import ALL, Asked
 from swath.core.frames import Pose
 from swath.core.graph import Graph
 from swath.core.schedule import NS, from_hz
@@ -153,6 +154,7 @@ class World:
     added: obstacles that came while the run went, those of them that go
     before_asking: called before a part waits for somebody outside, who may act on messages of the run
     devices: slots that are served as devices (`link.device.output.Device`) once they are opened
+    asked: who asks for keys of the field, and of the slots
     """
 
     scenario: Scenario
@@ -165,6 +167,13 @@ class World:
     added: Walkers
     before_asking: list[Callable[[], None]] = dataclasses.field(default_factory=list)
     devices: Sequence[Any] = ()
+    asked: Sequence[Asked] = ()
+
+    @property
+    def asked_by(self) -> dict[str, list[str]]:
+        """Keys that were set, without those that every part has to do with -> the parts that ask for them."""
+        each = {key: sorted(parts) for asked in self.asked for key, parts in asked.by.items()}
+        return {key: parts for key, parts in each.items() if ALL not in parts}
 
     @property
     def leader(self) -> Machine:

@@ -75,6 +75,11 @@ def adopt(kind: Any, prefix: str, defs: dict[str, Node]) -> Node:
     return _described(_renamed(node, renamed), kind)
 
 
+def described(kind: Any, key: str) -> str:
+    """What the docs say of a key of a class."""
+    return str(adopt(kind, "", {}).get("properties", {}).get(key, {}).get("description", "")).strip()
+
+
 def meanings(text: str, keys: list[str]) -> dict[str, str]:
     """What a docstring says about each key: `key, key [unit]: meaning; key: meaning`.
 

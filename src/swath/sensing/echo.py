@@ -18,7 +18,7 @@ than a limit count as disturbance and too few useful ones call for cleaning.
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -27,6 +27,7 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
 from swath.core import portable
+from swath.core.asked import replaced
 from swath.field.field import Field
 from swath.field.weather import RainLaw, SiteWeather, fog_extinction, rain_extinction
 from swath.kernels import Numbered, address, numbered, repeatable, start_warp
@@ -78,7 +79,7 @@ class Weather:
         air = weather.at(t)
         dust = air.dust if self.extinction_per_m is None else self.extinction_per_m
         rain = air.rain if self.rain_mm_h is None else self.rain_mm_h
-        return replace(self, extinction_per_m=dust + fog_extinction(air.mor, wavelength), rain_mm_h=rain)
+        return replaced(self, extinction_per_m=dust + fog_extinction(air.mor, wavelength), rain_mm_h=rain)
 
     def met(self, field: Field, place: F64) -> dict[str, float]:
         """Rain, and extinction with the dust of machines that drifts past a world point (3,)."""

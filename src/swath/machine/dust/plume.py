@@ -100,7 +100,7 @@ class Plume(KeepsState):
         """What floats drifts on; what was raised since the last puffs makes new ones."""
         p, state, now = self.params, inputs["state"], t + dt
         self.puffs.drift(dt / NS, self.weather.at(now).wind)
-        moisture = self.setup.field.moisture.at(now)["straw_moisture"]
+        moisture = self.setup.field.moisture.of_straw(now)
         beyond = moisture - p.straw_dry_percent * PERCENT
         dusty = p.grams_per_kg * GRAM * exp(-beyond / (p.straw_damping_percent * PERCENT))
         made = dusty * fsum(flow.grain + flow.straw for flow in inputs.get("flow") or ())

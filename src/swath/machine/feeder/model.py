@@ -4,9 +4,10 @@ The header delays by delay_n (F / F_n)^-exponent, the feeder house is plug flow;
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import fsum
 
+from swath.core.asked import replaced
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -44,7 +45,7 @@ class Feeder(Organ):
         t = self._transport = drivetrain.transport
         self._consumers, self._width = drivetrain.consumers, setup.machine.header_width
         own = {name: percent for name, percent in vars(params).items() if percent is not None}
-        self._moisture = replace(setup.field.moisture, **own)
+        self._moisture = replaced(setup.field.moisture, **own)
         self._spread = Mixer(2)
         self._header = Conveyor(1.0, 2, joined=JOINED)
         self._feeder = Conveyor(t.feeder, 2, joined=JOINED)

@@ -134,7 +134,7 @@ class DelayedCropFlow(KeepsState):
         """
         load: MachineLoad = inputs["load"]
         rotors = load.threshing_loss + load.separation_loss
-        moisture = self._moisture.at(load.t)["grain_moisture"]
+        moisture = self._moisture.of_grain(load.t)
         return [
             *(load.feeder_flow, load.grain_flow, moisture, load.tank_level),
             *(rotors, load.cleaning_loss),

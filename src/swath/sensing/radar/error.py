@@ -152,7 +152,7 @@ class ErrorRadar(IdealRadar):
         self._e, self._is_noisy = params, params.noise == "data_sheet"
         high = self.sheet.frequency > 50e9
         own = params.straw_moisture_percent
-        self._moisture = setup.field.moisture.at(0)["straw_moisture"] if own is None else own * PERCENT
+        self._moisture = setup.field.moisture.of_straw(0) if own is None else own * PERCENT
         wave = self.sheet.frequency, self.sheet.polarisation
         factor = wave_factor(*wave, self._moisture, params.straw_wall)
         self.wave = factor * params.stand_loss_percent * PERCENT
