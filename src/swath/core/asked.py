@@ -19,9 +19,8 @@ TELLS, KINDS = "_tells", "_kinds"  # of a class whose fields tell, and of its co
 
 
 class _Present(threading.local):
-    """part: the slot that is made or stepped, ALL while the field is made, None = neither: reads do not count.
-
-    heard: takes in what fields have to tell, None = they tell it
+    """part: the slot that is made or stepped, ALL while the field is made, None = neither: reads do not count
+    heard: takes in what fields have to tell, None = they tell it.
     """
 
     part: str | None = None
@@ -48,7 +47,12 @@ def gathered(make: Callable[[], T]) -> tuple[T, Tell]:
         made, heard = make(), tuple(dict.fromkeys(PRESENT.heard))
     finally:
         PRESENT.heard = before
-    return made, lambda: all([tell() for tell in heard])
+
+    def tell() -> bool:
+        done = [own() for own in heard]
+        return all(done)
+
+    return made, tell
 
 
 class _Telling:
@@ -99,7 +103,8 @@ def telling_kind(kind: type[T], tells: Mapping[str, Tell]) -> type[T]:
 
 
 def _copy(held: Any, kind: type, changes: Mapping[str, Any]) -> Any:
-    made, raw = object.__new__(kind), _raw_of(held.__class__)
+    made: Any = object.__new__(kind)
+    raw = _raw_of(held.__class__)
     raw(made).update({**raw(held), **changes})
     return made
 
@@ -134,12 +139,14 @@ class Asked:
     """Who asks for which of the keys that were set.
 
     by: key -> the parts that asked so far; about: key -> class and name of its field
+    is_of_parts: the keys are a part's own, and nobody else has its parameters: every read counts
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_of_parts: bool = False) -> None:
         self.by: dict[str, set[str]] = {}
         self.about: dict[str, tuple[Any, str]] = {}
         self._begun: dict[str, set[str]] = {}
+        self._is_of_parts, self._found = is_of_parts, 0
 
     def watched(self, params: T, path: str, each: Collection[str] = ()) -> T:
         """A copy of parameters that tells what is read of them; None and what is no dataclass as it is.
@@ -155,37 +162,37 @@ class Asked:
             value = getattr(params, own.name)
             if not own.init or _is_usual(value, own):
                 continue
-            key, known = f"{path}.{own.name}", len(self.by)
+            key, found = f"{path}.{own.name}", self._found
             changes[own.name] = self._inside(value, key)
-            if len(self.by) == known:  # nothing inside was set
-                self.by[key], self.about[key] = set(), (kind, own.name)
-                tells[own.name] = self._tell(key, own.name in each)
+            if self._found == found:  # nothing inside was set
+                tells[own.name] = self._tell(key, (kind, own.name), own.name in each)
         return telling(params, tells, changes)
 
     def tells(self, section: Any, path: str) -> dict[str, Tell]:
-        """Of a section of a scenario, the keys that are set -> what tells that they were asked for, in each run
-        anew.
-        """
-        named = {n: own for n, own in type(section).model_fields.items() if n in section.model_fields_set}
-        set_ = [n for n, own in named.items() if getattr(section, n) != own.get_default(call_default_factory=True)]
-        for name in set_:
-            self.by[f"{path}.{name}"], self.about[f"{path}.{name}"] = set(), (type(section), name)
-        return {name: self._tell(f"{path}.{name}", is_each=True) for name in set_}
+        """Keys of a section of a scenario that are set -> what tells, in each run anew, who asks for them."""
+        kind, said = type(section), section.model_fields_set
+        usual = {n: own.get_default(call_default_factory=True) for n, own in kind.model_fields.items()}
+        own = [n for n in usual if n in said and getattr(section, n) != usual[n]]
+        return {n: self._tell(f"{path}.{n}", (kind, n), is_each=True) for n in own}
 
     def _inside(self, value: Any, key: str) -> Any:
         if isinstance(value, tuple | list) and any(is_dataclass(item) for item in value):
             return type(value)([self.watched(item, f"{key}.{i}") for i, item in enumerate(value)])
         return value if isinstance(value, type) else self.watched(value, key)
 
-    def _tell(self, key: str, is_each: bool) -> Tell:
-        def tell() -> bool:
-            if (part := PRESENT.part) is None:
-                return False
-            self.by[key].add(part if is_each else ALL)
-            return not is_each
-
+    def _tell(self, key: str, about: tuple[Any, str], is_each: bool) -> Tell:
+        self.by.setdefault(key, set())
+        self.about[key] = about
+        self._found += 1
         if is_each:
             self._begun[key] = set()
+
+        def tell() -> bool:
+            part = ALL if self._is_of_parts else PRESENT.part
+            if part is not None:
+                self.by[key].add(part if is_each else ALL)
+            return part is not None and not is_each
+
         return tell
 
     def begin(self) -> None:

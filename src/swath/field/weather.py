@@ -55,10 +55,11 @@ class Weather:
     rain_mm_h: rain
     fog_mor_m: meteorological optical range of fog or haze: 5 % of a beam are left after it; none = clear air
     dust_per_m: extinction of dust that is everywhere
-    wind_m_s: wind speed 2 m above the ground
-    wind_azimuth_deg: direction in which the wind blows, clockwise from north
-    temperature_c: of the air
-    humidity_percent: relative humidity of the air
+    wind_m_s: wind speed 2 m above the ground, for dust that drifts, thermal cameras and straw that dries;
+        crop leans in it only with `field.stand.wind`, `{}` will do
+    wind_azimuth_deg: direction in which the wind blows, clockwise from north, for dust and crop
+    temperature_c: of the air, for thermal cameras and straw that dries
+    humidity_percent: relative humidity of the air, for thermal cameras and straw that dries
     cloud_percent: cloud cover, 0 clear to 100 overcast
     sun_azimuth_deg: direction of the sun, clockwise from north; none = by time and place
     sun_elevation_deg: elevation of the sun; none = by time and place
@@ -115,9 +116,11 @@ class Air:
 
 
 AIR_KEYS = {
-    "rain": ("rain_mm_h",), "mor": ("fog_mor_m",), "dust": ("dust_per_m",), "wind": ("wind_m_s", "wind_azimuth_deg"),
-    "temperature": ("temperature_c",), "humidity": ("humidity_percent",), "cloud": ("cloud_percent",),
+    "rain": ("rain_mm_h",), "mor": ("fog_mor_m",), "dust": ("dust_per_m",),
+    "wind": ("wind_m_s", "wind_azimuth_deg"), "temperature": ("temperature_c",),
+    "humidity": ("humidity_percent",), "cloud": ("cloud_percent",),
 }  # fmt: skip
+"""Field of `Air` -> the keys that it is made of."""
 
 
 @dataclass(frozen=True)

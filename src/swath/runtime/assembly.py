@@ -183,7 +183,7 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
     bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}
     before_asking: list[Callable[[], None]] = []
-    asked = Asked()
+    asked = Asked(is_of_parts=True)
     site = _Site(ground.field, ground.obstacles, bodies, base, sheets, before_asking, asked, ground.origin)
     machines: dict[str, Machine] = {}
     nodes: list[Node] = []

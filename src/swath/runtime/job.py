@@ -36,7 +36,7 @@ from swath.runtime.kept import KeptFields
 from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.saves import read_save, saved_before
-from swath.runtime.world import World
+from swath.runtime.world import ASKED_BY, World
 from swath.scenario.scenario import Scenario
 from swath.scenario.schema import described
 from swath.terminal.outcome import NOT_JUDGED, result_of
@@ -390,6 +390,8 @@ class Running:
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
         notes += [*unheard(world), *unasked(world), *self.evaluation.notes()]
+        if asked_by := world.asked_by:
+            summary[ASKED_BY] = asked_by
         with through(scenario.gate):
             if files := hashes(scenario.plain()):
                 summary["files"] = files

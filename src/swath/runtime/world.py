@@ -30,6 +30,7 @@ from swath.scenario.scenario import Scenario
 from swath.signals import F64, HeaderState
 
 BODY = "body"  # the part of a machine that its file gives, beside the grain that it carries
+ASKED_BY = "asked_by"  # key of a summary
 EDGE_STEP = 0.5  # between the points of a drawn edge [m]
 OFFERED = 1e-3  # a rate this near to one that is offered is that one, of itself; estimated
 DRIVEN = 2e-4  # a rate that is driven this near to what was asked for needs no word, of itself; estimated

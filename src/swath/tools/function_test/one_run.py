@@ -12,6 +12,7 @@ from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.met import SUMMARY as MET
 from swath.runtime.met import MetHook
+from swath.runtime.world import ASKED_BY
 from swath.runtime.worlds import run_each
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.judging.integrity import SUMMARY as INTEGRITY
@@ -104,7 +105,7 @@ def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
         EDGE_US: _edge_us(summary.get("cost", {})),
         **({CREDIBILITY: outside} if outside else {}),
         **({NEVER_CHECKED: never} if (never := summary.get(CREDIBILITY, {}).get(NEVER_CHECKED)) else {}),
-        **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING, MET) if key in summary},
+        **{key: summary[key] for key in (SHADOW, INTEGRITY, STEERING, MET, ASKED_BY) if key in summary},
     }
 
 

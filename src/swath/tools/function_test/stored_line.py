@@ -96,6 +96,7 @@ class _Line:
     integrity: _Integrity | None = None
     steering: _Steering | None = None
     met: dict[str, list[float | None]] | None = None
+    asked_by: dict[str, list[str]] = field(default_factory=dict)
     cpu_s: float = 0.0
 
     def __post_init__(self) -> None:

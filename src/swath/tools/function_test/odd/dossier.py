@@ -34,7 +34,9 @@ from swath.report.html import (
     write_page,
 )
 from swath.runtime.credibility import NEVER_CHECKED, span
-from swath.runtime.met import QUANTITIES
+from swath.runtime.met import QUANTITIES, SEEN
+from swath.runtime.world import ASKED_BY
+from swath.scenario.slots import kind_of
 from swath.tools.function_test.cells import cells_of, errors_of
 from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.judging.first_batch import banners
@@ -117,6 +119,10 @@ ABOUT_RESTRICTED = (
     "so it has to be confirmed by new ones: `swath test run --odd {2}/{0} --out DIR`."
 )
 ABOUT_NEVER = "Its level declares no range for it, and more than usual values were met: it may be wrong."
+ABOUT_UNFELT = (
+    "What these set reaches sensors of the crop and the edge by way of the parts named, or not at all: their "
+    "buckets say little about the function."
+)
 ABOUT_MODELS = (
     "Of the first run. A level with a range is compared with what each run met; of one without, nothing "
     "says where it stops being right."
@@ -144,6 +150,7 @@ ABOUT_MATRIX = (
     "One square for each pair of buckets, a bucket alone on the diagonal; thick lines separate layers, "
     "thin ones attributes. Without a square: the ODD has no such pair. All of it is in `cells.csv`."
 )
+UNFELT = "attribute", "asked for by", "runs in which its key differed from its default"
 LEFT = ("run", "at t [s]", "after [m]", "outside for [m]", "because", "verdict", "counts")
 ABOUT_LEFT = (
     f"A run that passes counts for the verdicts only if {100 * INSIDE:g} % of its way lies inside the ODD; "
@@ -287,6 +294,8 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
             Table("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
             Table("Met, and never checked for", ("slot", "quantity", "runs"), _never_checked(found), (2,),
                     ABOUT_NEVER),
+            Table("Attributes that no scanner, camera or edge detector asks for", UNFELT, _unfelt(found),
+                    (2,), ABOUT_UNFELT),
             Table("Models", ("slot", "level", "checked for", "known error of a metric"), _levels(found),
                     text=ABOUT_MODELS),
         ]),
@@ -742,6 +751,20 @@ def _never_checked(found: Conducted) -> list[list[str]]:
         for name in names
     )
     return [[slot, name, str(runs)] for (slot, name), runs in sorted(count.items())]
+
+
+def _unfelt(found: Conducted) -> list[list[str]]:
+    """Attribute, the parts that ask for its keys where no sensor of the crop does, and in how many runs."""
+    rows = []
+    for axis in found.odd.axes:
+        own = tuple(f"{key}." for key in axis.bound.keys)
+        asked = [run.result.get(ASKED_BY, {}).items() for run in found.coverage.runs]
+        each = [by for of in asked if (by := [parts for key, parts in of if f"{key}.".startswith(own)])]
+        parts = {part for by in each for parts in by for part in parts}
+        kinds = {kind.name for part in parts if (kind := kind_of(part.rpartition(".")[2])) is not None}
+        if each and not kinds & {*SEEN}:
+            rows.append([axis.name, ", ".join(sorted(parts)) or "nothing", str(len(each))])
+    return rows
 
 
 def _digests(found: Conducted) -> list[tuple[str, str]]:
