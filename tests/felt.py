@@ -11,6 +11,7 @@ from swath.core.errors import SwathError
 from swath.field.weather import Weather
 from swath.runtime.assembly import assemble
 from swath.runtime.job import run_unrecorded
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 
 SHORT = ("run.distance_m=3", "run.max_duration_s=4", "run.record=none")
@@ -57,7 +58,7 @@ class Looked:
     def drive(self, name: str, sets: tuple[str, ...]) -> tuple[str, list[str]]:
         """Digest and notes."""
         if (name, *sets) not in self._driven:
-            summary = run_unrecorded(load_scenario(name, sets=[*SHORT, *sets]))
+            summary = run_unrecorded(load_scenario(name, sets=layered(sets, SHORT)))
             self._driven[name, *sets] = summary["digest"], summary.get("notes", [])
         return self._driven[name, *sets]
 
@@ -71,7 +72,7 @@ class Looked:
 
 def rows_of(name: str, sets: tuple[str, ...] = ()) -> Iterator[Row]:
     """The keys that a scenario sets, but for those that cannot be otherwise."""
-    scenario = load_scenario(name, sets=[*SHORT, *sets])
+    scenario = load_scenario(name, sets=layered(sets, SHORT))
     world = assemble(scenario)
     world.close()
     for asked in world.asked:
@@ -85,8 +86,8 @@ def weather_rows(name: str, sets: tuple[str, ...] = ()) -> Iterator[Row]:
     for key, (value, *more) in WEATHER.items():
         own = f"field.weather.{key}"
         kept = [text for text in sets if not text.startswith(f"{own}=")]
-        default = "null" if key in ("time", "fog_mor_m") or key.startswith("sun") else None
-        yield Row(name, (*kept, *more, f"{own}={value}"), own, (f"{own}={default or USUAL[key]}",))
+        other = {"sun_azimuth_deg": 200.0, "sun_elevation_deg": 50.0}.get(key, USUAL[key])  # it needs both
+        yield Row(name, (*kept, *more, f"{own}={value}"), own, (f"{own}={json.dumps(other)}",))
 
 
 def _others(scenario: Scenario, sets: tuple[str, ...], key: str, kind: Any, field: str) -> tuple[str, ...]:
@@ -99,7 +100,7 @@ def _others(scenario: Scenario, sets: tuple[str, ...], key: str, kind: Any, fiel
     for other in (*_default(kind, field), *_other(value)):
         text = f"{key}={json.dumps(other)}"
         with suppress(SwathError, TypeError):
-            assemble(load_scenario(scenario.name, sets=[*SHORT, *rest, text])).close()
+            assemble(load_scenario(scenario.name, sets=layered((*rest, text), SHORT))).close()
             found.append(text)
     return tuple(found[:2])
 

@@ -43,7 +43,9 @@ def test_what_was_set_and_not_read_is_left(changed, read):
     asked = Asked()
     held = asked.watched(Params(**{name: OTHER[name] for name in changed}), "k")
     with asking("part"):
-        assert all(getattr(held, name) == (OTHER if name in changed else asdict(Params()))[name] for name in read)
+        assert all(
+            getattr(held, name) == (OTHER if name in changed else asdict(Params()))[name] for name in read
+        )
     assert unread(asked) == changed - read
 
 
@@ -68,9 +70,7 @@ def test_reads_of_nobody_do_not_count():
 
 def test_inside_of_others():
     asked = Asked(is_of_parts=True)
-    held = asked.watched(
-        Params(inner=Inner(x=1.0), maybe=Inner(), several=(Inner(y=2.0), Inner(x=3.0))), "k"
-    )
+    held = asked.watched(Params(inner=Inner(x=1.0), maybe=Inner(), several=(Inner(y=2.0), Inner(x=3.0))), "k")
     assert set(asked.by) == {"k.inner.x", "k.maybe", "k.several.0.y", "k.several.1.x"}
     assert (held.inner.y, held.several[0].x, held.several[1].x) == (0.0, 0.0, 3.0)
     assert unread(asked) == {"inner.x", "maybe", "several.0.y"}
@@ -84,7 +84,9 @@ def test_inside_of_others():
 def test_is_like_the_plain_one_and_reads_of_all_of_it_count(use):
     plain, asked = Params(**OTHER), Asked(is_of_parts=True)
     held = asked.watched(plain, "k")
-    assert isinstance(held, Params) and held.__class__ is Params and bare(held) == plain
+    assert isinstance(held, Params)
+    assert held.__class__ is Params
+    assert bare(held) == plain
     assert unread(asked) == set(NAMES)
     assert use(held) == use(plain)
     assert unread(asked) == (set(NAMES) if use is fields else set())

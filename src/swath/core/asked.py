@@ -163,7 +163,7 @@ class Asked:
             if not own.init or _is_usual(value, own):
                 continue
             key, found = f"{path}.{own.name}", self._found
-            changes[own.name] = self._inside(value, key)
+            changes[own.name] = self._inside(value, key, is_each=own.name in each)
             if self._found == found:  # nothing inside was set
                 tells[own.name] = self._tell(key, (kind, own.name), own.name in each)
         return telling(params, tells, changes)
@@ -175,10 +175,14 @@ class Asked:
         own = [n for n in usual if n in said and getattr(section, n) != usual[n]]
         return {n: self._tell(f"{path}.{n}", (kind, n), is_each=True) for n in own}
 
-    def _inside(self, value: Any, key: str) -> Any:
+    def _inside(self, value: Any, key: str, *, is_each: bool) -> Any:
         if isinstance(value, tuple | list) and any(is_dataclass(item) for item in value):
-            return type(value)([self.watched(item, f"{key}.{i}") for i, item in enumerate(value)])
-        return value if isinstance(value, type) else self.watched(value, key)
+            return type(value)(
+                [self._inside(item, f"{key}.{i}", is_each=is_each) for i, item in enumerate(value)]
+            )
+        if not is_dataclass(value) or isinstance(value, type):
+            return value
+        return self.watched(value, key, [own.name for own in fields(value)] if is_each else ())
 
     def _tell(self, key: str, about: tuple[Any, str], is_each: bool) -> Tell:
         self.by.setdefault(key, set())

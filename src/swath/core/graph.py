@@ -251,7 +251,8 @@ class _Rank:
             return None
         if len(self.parts) == 1:
             return part.alone if isinstance(part, InWorlds) else None
-        return kind.together(self.parts) if isinstance(kind, StepsTogether) else None
+        with asking(self.name):
+            return kind.together(self.parts) if isinstance(kind, StepsTogether) else None
 
     @property
     def is_op(self) -> bool:

@@ -1,6 +1,7 @@
 """The field: the one truth that every sensor looks at and every header cuts."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 from functools import partial
 from math import fsum, isfinite
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.abilities import HasNotes
-from swath.core.asked import bare
+from swath.core.asked import bare, gathered, telling
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop import Crop
@@ -38,7 +39,7 @@ from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.weather import SiteWeather
 from swath.field.wetness import BY_WEATHER, by_weather, film_share
-from swath.field.wind import Sway, make_sway
+from swath.field.wind import Sway, Wind, make_sway
 
 Array = NDArray[np.float64]
 FEW = 4  # points at most whose ground is looked up without a page, beside a profile
@@ -91,7 +92,7 @@ class Field:
         self.moisture = by_weather(said, weather, crop_height)
         self.weather = weather
         self.plumes: dict[str, Puffs] = {}  # by machine
-        self.wind: Sway | None = make_sway(getattr(stand, "wind", None), self.stand_yaw, weather)
+        self.wind = _felt_wind(getattr(stand, "wind", None), self.stand_yaw, weather)
         self.straw_density, self.crop_height, self.seen_height = straw_density, crop_height, seen_height
         self.stems = StemIndex(library, straw_exponent)
         seed = stream.child("tiles").integer()
@@ -418,7 +419,7 @@ class Field:
     @property
     def _sway(self) -> float:
         """The most that wind leans stems aside per height."""
-        return 0.0 if self.wind is None else self.wind.slope_max
+        return 0.0 if self.wind is None else bare(self.wind).slope_max
 
     def _points(self, x: Any, y: Any) -> tuple[Array, Array]:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
@@ -467,6 +468,12 @@ def _finish(
         ruts.show(store, keys)
     update_tops(store, library, keys, sway=sway)
     write_depth(store, keys, depth_per_kg)
+
+
+def _felt_wind(wind: Wind | None, row_heading: float, weather: SiteWeather | None) -> Sway | None:
+    """What a wind does to the stand; who looks at it asks for the keys that it is made of."""
+    sway, tell = gathered(lambda: make_sway(wind, row_heading, weather))
+    return None if sway is None else telling(sway, {own.name: tell for own in fields(sway)})
 
 
 def make_field(

@@ -87,7 +87,7 @@ def watched_field(section: FieldSection, asked: Asked) -> FieldSection:
     return replace(
         section,
         terrain=level("terrain", section.terrain),
-        stand=level("stand", section.stand, [own.name for own in fields(Moisture)]),
+        stand=level("stand", section.stand, ["wind", *(own.name for own in fields(Moisture))]),
         edges=edges,
         obstacles=tuple(obstacles),
         boundary=asked.watched(section.boundary, "field.boundary"),
