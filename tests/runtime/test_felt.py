@@ -4,6 +4,7 @@ import pytest
 
 from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
+from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
 from tests.felt import SHORT, Looked, rows_of, weather_rows
 
@@ -13,7 +14,8 @@ WIND = "field.weather.wind_m_s=12"
 
 def told(name, *sets, fields=None):
     """Keys that a run says are unused, and who asked for others."""
-    scenario = load_scenario(name, sets=[*SHORT[1:], *CHEAP[: 1 if name != "straight" else 2], *sets])
+    cheap = CHEAP[: 1 if name != "straight" else 2]
+    scenario = load_scenario(name, sets=layered(SHORT, cheap, sets))
     summary = run_unrecorded(scenario, fields)
     begin = "no part of this run uses "
     notes = [note.removeprefix(begin) for note in summary.get("notes", []) if note.startswith(begin)]
@@ -22,7 +24,11 @@ def told(name, *sets, fields=None):
 
 def test_a_wind_that_no_crop_leans_in_is_told():
     assert told("straight", WIND) == (["field.weather.wind_m_s"], {"field.weather.wind_m_s": []})
-    assert told("straight", WIND, "field.stand.wind={}") == ([], {})
+    assert told("straight", WIND, "field.stand.wind={}", "combine.lidar=plants") == (
+        [],
+        {"field.weather.wind_m_s": ["combine.lidar"]},
+    )
+    assert told("straight", WIND, "field.stand.wind={}")[0] == ["field.weather.wind_m_s"]  # `empirical`
     assert told("straight", "combine.lidar.weather={near_returns: 1, near_share: 0.5}") == ([], {})
     key = "combine.lidar.weather.near_share"
     assert told("straight", f"{key}=0.5") == ([key], {key: []})

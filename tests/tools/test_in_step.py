@@ -93,13 +93,16 @@ def _refused(scenario, fields, *, hooks):
         ("expect: {lateral_rms_m: {max: 0.0001}}", {"not judged"}),
         ("expect: {lateral_p95_m: {max: 0.5, from_m: 0.2, to_m: 0.8}}", None),
         ("met: [ground_speed_kmh, crop_height_m]", {"pass"}),
+        ("  field.weather: {wind_m_s: 3, cloud_percent: 5}\n", {"pass"}),
     ],
-    ids=["passes", "fails", "nothing measured", "a part of the way", "what was met"],
+    ids=["passes", "fails", "nothing measured", "a part of the way", "what was met", "who asked"],
 )
 def test_in_step_a_line_is_what_it_is_alone(case_file, monkeypatch, change, verdicts):
     text = case_file.read_text(encoding="utf-8")
     if change.startswith("expect"):
         text = text.replace(text[text.index("expect") :], change)
+    elif change.startswith(" "):
+        text = text.replace("set:\n", f"set:\n{change}")
     elif change:
         text += change
     case_file.write_text(text, encoding="utf-8")

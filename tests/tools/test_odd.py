@@ -7,6 +7,7 @@ from dataclasses import replace
 from html import unescape
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -52,7 +53,7 @@ from swath.tools.function_test.odd.cells import (
 from swath.tools.function_test.odd.check import check
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
-from swath.tools.function_test.odd.dossier import _runs_of, summary_of, write_dossier
+from swath.tools.function_test.odd.dossier import _runs_of, _unfelt, summary_of, write_dossier
 from swath.tools.function_test.odd.openodd import attributes_of
 from swath.tools.function_test.odd.trace import DEGREE_M, broken_by, trace_rows, traced, write_cod
 
@@ -84,6 +85,21 @@ def test_bundled_odd_binds_seven_layers_and_has_nothing_to_mend():
     assert all(axis.count >= 4 or not axis.edges for axis in odd.axes)
     assert {f.kind for f in check(odd)} <= {"not simulated", "not drawn"}
     assert len([f for f in check(odd) if f.kind == "not simulated"]) == 7
+
+
+def test_attributes_that_no_sensor_asks_for_are_told(passing: Conducted):
+    density, speed = "field.stand.stems_per_m2", "combine.speed.speed_kmh"
+    asked = [{density: ["combine.motion"], speed: []}, {density: ["combine.dust"], f"{speed}_limit": []}, {}]
+    results = [{"asked_by": by} for by in asked]
+
+    def told(*more: dict[str, Any]) -> list[list[str]]:
+        runs = [SimpleNamespace(result=result) for result in (*results, *more)]
+        return _unfelt(SimpleNamespace(odd=passing.odd, coverage=SimpleNamespace(runs=runs)))  # type: ignore[arg-type]
+
+    felt_not = ["process.speed", "nothing", "1"]
+    assert told() == [felt_not, [DENSITY, "combine.dust, combine.motion", "2"]]
+    for slot, rest in (("combine.lidar_left", 1), ("combine.edge", 1), ("combine.header", 2)):
+        assert len(told({"asked_by": {density: [slot]}})) == rest
 
 
 def test_check_names_what_is_wrong(tmp_path: Path):

@@ -120,8 +120,8 @@ ABOUT_RESTRICTED = (
 )
 ABOUT_NEVER = "Its level declares no range for it, and more than usual values were met: it may be wrong."
 ABOUT_UNFELT = (
-    "What these set reaches sensors of the crop and the edge by way of the parts named, or not at all: their "
-    "buckets say little about the function."
+    "They reach what is seen of the crop by way of the parts named alone, or not at all: then their buckets "
+    "say nothing of the function."
 )
 ABOUT_MODELS = (
     "Of the first run. A level with a range is compared with what each run met; of one without, nothing "
