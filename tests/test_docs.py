@@ -227,3 +227,12 @@ def test_the_level_in_contributing_follows_its_equation(tmp_path, monkeypatch):
         steering = both.step(t, 5_000_000, {"command": command})["steering"]
     wanted = math.atan(0.3) * (1.0 - np.exp(-0.1 / np.array([0.2, 0.5])))
     assert steering.arrays["angle"] == pytest.approx(wanted, rel=1e-12)
+
+
+def test_the_lists_of_a_run_folder_are_whole(driven):
+    """README and the page about the run folder name every file that a run leaves."""
+    files = {path.name for path in driven("straight", "run.distance_m=8", report=True).iterdir()}
+    for page in (ROOT / "README.md", ROOT / "docs/reference/run-folder.md"):
+        rows = re.findall(r"^\| ((?:`[\w.]+`(?:, )?)+) \|", page.read_text(encoding="utf-8"), re.MULTILINE)
+        listed = set(re.findall(r"`([\w.]+)`", " ".join(rows)))
+        assert files - listed == set(), page.name

@@ -250,11 +250,44 @@ def test_a_number_has_four_digits_at_most_and_a_limit_its_unit():
     assert (column["limit"], column["value"]) == ("max 0.2", "0.1496")
 
 
-def test_the_first_picture_stands_before_the_numbers():
-    figures = [Figure("map", "data:1", ""), Figure("errors", "data:2", "")]
-    text = render({"name": "a", "expect": [], "versions": {"numpy": "2"}, "digest": "d"}, "", figures)
-    places = [text.index(word) for word in ("data:1", "Results", "data:2", "digest d")]
-    assert places == sorted(places)
+def test_what_one_came_for_stands_first_and_credibility_opens():
+    pictures = [Figure(name, "data:image/svg", "") for name in ("Field map", "Scans")]
+    row = {
+        "quantity": "rain_mm_h",
+        "state": "outside",
+        "met": [0.0, 9.0],
+        "checked": [0.0, 5.0],
+        "source": "",
+    }
+    inside = {**row, "quantity": "fog", "state": "inside"}
+    told = {"slots": {"combine.lidar": {"level": "plants", "quantities": [row, inside]}}}
+    expect = [
+        {
+            "subject": "combine",
+            "name": "lateral_rms_m",
+            "limit": {"max": 1.0},
+            "value": 0.5,
+            "window": {},
+            "result": "pass",
+        }
+    ]
+    summary = {
+        "name": "bend",
+        "summary": "bend with seed=3",
+        "credibility": told,
+        "expect": expect,
+        "notes": ["x"],
+    }
+    text = render(summary, "", pictures)
+    heads = re.findall(r"<h2>(.*?)</h2>", text)
+    assert heads[:3] == ["Field map", "Limits", "Scans"]
+    assert heads.index("Credibility") > heads.index("Results")
+    assert "<title>bend with seed=3" in text
+    assert "<title>bend ·" in render({**summary, "summary": "a bend"}, "", pictures)
+    line = re.search(r"<details><summary>(1 of 2 quantities.*?)</summary>(.*?)</details>", text, re.DOTALL)
+    assert line is not None
+    assert "rain_mm_h of combine.lidar outside" in line[1]
+    assert "0 to 9" in line[2]
 
 
 @pytest.mark.parametrize("count", [0, 1, POINTS, 2 * POINTS - 1, 2 * POINTS, 10 * POINTS - 1, 10**6])

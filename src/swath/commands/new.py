@@ -90,6 +90,11 @@ def add(parsers: Any) -> None:
     parser.set_defaults(run=run)
 
 
+def _ends(name: str) -> tuple[str, ...]:
+    """How a file of the same kind may be called, by its last letters."""
+    return (".yaml", ".yml") if name.endswith(".yaml") else (Path(name).suffix,)
+
+
 def run(args: argparse.Namespace) -> int:
     """Write the template, say how to run it."""
     import shutil
@@ -100,7 +105,10 @@ def run(args: argparse.Namespace) -> int:
 
     template = TEMPLATES.get(args.kind)
     usual = "examples" if template is None else template.source
-    out = args.file or Path(f"my_{args.kind}.yaml" if "/" in usual else usual)
+    usual = f"my_{args.kind}.yaml" if "/" in usual else usual
+    out = args.file or Path(usual)
+    if template and out.suffix not in (ends := _ends(usual)):
+        raise InputError("FILE", str(out), f"expected a name that ends in {' or '.join(ends)}, as {usual}")
     beside = [out.parent / template.beside] if template and template.beside else []
     for path in (out, *beside):
         if os.path.exists(path) or os.path.islink(path):

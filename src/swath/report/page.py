@@ -26,6 +26,7 @@ from swath.report.html import (
     verdict,
 )
 from swath.runtime.credibility import span
+from swath.scenario.scenario import changes_in
 from swath.terminal.outcome import NOT_JUDGED, incident_text, limit_text, result_of, window_text
 from swath.terminal.tables import number
 
@@ -75,7 +76,10 @@ def render(
         [
             *figures[:1],
             Section("Limits", [_limits([limit_row(entry, evaluators.metrics) for entry in expect])]),
+            *figures[1:],
             *_results(summary, evaluators),
+            Table("Incidents", INCIDENTS, incidents, range(4)),
+            Section("Notes", [Items(summary.get("notes", []))]),
             Section("Credibility", _credibility(summary)),
             Table(
                 "What load, fuel, loss and throughput rest on",
@@ -83,15 +87,13 @@ def render(
                 list(_inputs(summary)),
                 text=ABOUT_INPUTS.format("; ".join(TAGS.values())),
             ),
-            Table("Incidents", INCIDENTS, incidents, range(4)),
-            Section("Notes", [Items(summary.get("notes", []))]),
-            *figures[1:],
             Table("Cost", COST, _cost(summary), range(1, 6)),
             Section("Made with", [Facts(made_with), f"`digest {digest}`" if digest else ""]),
             Section("Scenario as run", [ABOUT_SCENARIO, Fold(SHOW, [_lines(scenario, default_lines)])]),
         ],
         heading=name,
-        lead=str(summary.get("summary") or ""),
+        title=says if changes_in(name, says := str(summary.get("summary") or "")) else name,
+        lead=says,
         verdict=_head(expect),
         top=[
             Banner("**Incomplete.** The run was stopped before its end.")
@@ -165,8 +167,8 @@ def _level_error(entry: Mapping[str, Any], metric: Metric | None) -> str:
     return f"{shown_value(metric, error['size'])} ({error['slot']} against {error['against']})"
 
 
-def _credibility(summary: Mapping[str, Any]) -> list[Table | str]:
-    """What was met, against what each level was checked for."""
+def _credibility(summary: Mapping[str, Any]) -> list[Fold]:
+    """What was met, against what each level was checked for, in a line that opens."""
     told = summary.get("credibility", {})
     rows = [
         [slot, row["quantity"], row["state"] or "not met", "–" if row["met"] is None else span(row["met"]),
@@ -179,10 +181,13 @@ def _credibility(summary: Mapping[str, Any]) -> list[Table | str]:
     if told.get("undeclared"):
         text += f" No range is declared for the levels of {', '.join(told['undeclared'])}."
     unchecked = [[slot, ", ".join(names)] for slot, names in told.get("not_checked", {}).items()]
-    found: list[Table | str] = [Table("", CREDIBILITY, rows, (3, 4), text)]
-    return [*found, Table("", ["slot", "not checked, of what changes what it does"], unchecked)][
-        : 1 + bool(unchecked)
-    ]
+    not_checked = Table("", ["slot", "not checked, of what changes what it does"], unchecked)
+    parts = [Table("", CREDIBILITY, rows, (3, 4), text), *[not_checked][: len(unchecked)]]
+    met = [row for row in rows if row[2] != "not met"]
+    out = [row for row in met if row[2] != "inside"]
+    line = f"{len(met) - len(out)} of {len(met)} quantities inside the range that levels were checked for"
+    beyond = "; ".join(f"{row[1]} of {row[0]} {row[2]}" for row in out)
+    return [Fold(f"{line}: {beyond}" if beyond else line, parts)]
 
 
 def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+from pathlib import Path
 from typing import Any
 
 from swath.terminal.options import add_folder, add_sets, option
@@ -15,7 +16,10 @@ def add(parsers: Any) -> None:
         "dataset", help="labelled pictures of varied scenarios (COCO)", description=_DESCRIPTION
     )
     option(parser, "scenario NAME|FILE", "a bundled scenario, or a YAML file")
-    add_folder(parser, "data set", "dataset.json", "annotations.json", "overview.png", alone=False)
+    files = "dataset.json", "annotations.json", "overview.png"
+    help_ = "where to write, and go on (default: pictures)"
+    add_folder(parser, "data set", *files, text=help_, required=False, alone=False)
+    parser.set_defaults(out=Path("pictures"))
     option(parser, "--count N", "pictures", 100)
     option(parser, "--seed N", "another seed, other pictures", 1)
     option(parser, "--width-px PX", "width of a picture", 640)
