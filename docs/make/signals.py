@@ -11,6 +11,7 @@ from typing import get_type_hints
 
 from swath.core.frames import Pose
 from swath.core.signal import Message, Quantity, Signal, quantities, signal_types
+from swath.record.tracks import arrays_of
 from swath.scenario.slots import SLOTS
 from swath.signals.flat import ARRAYS
 
@@ -30,6 +31,10 @@ messages and frames: [run folder](run-folder.md); words and signs: [glossary](no
 belong to the step of their sample and add up, everything else is a state. Fields have the same names in ROS 2
 messages `swath_msgs/<Signal>`, in variables of FMUs (`port.field`) and in `swath.signals`. The numbers of a
 pose are `pose.x`, `pose.y`, `pose.z` [m], `pose.roll`, `pose.pitch`, `pose.yaw` [rad].
+
+Every single number is a column of `tracks.parquet`. One for which the tables name no column has its name by rule: slot,
+output where that is another word, field, unit. `settings_drum_rad_s`, `crop_flow_loss_cleaning_kg_s`; amounts are
+divided by the length `dt` of their step: `header_flow_straw_kg_s`.
 
 A signal of your own is declared once, in the file of the part that gives it; this holds for recording,
 playback, FMUs and ROS 2:
@@ -88,6 +93,9 @@ def _section(signal: type[Signal]) -> str:
     lines = [f"## {signal.__name__}", inspect.getdoc(signal) or "", ""]
     if rate or SAMPLES[about.samples]:
         lines += [f"ROS 2 messages{rate or ' at every sample'}.{SAMPLES[about.samples]}", ""]
+    if arrays := arrays_of(signal):
+        names = ", ".join(f"`{name}`" for name in arrays)
+        lines += [f"Arrays without a column, {names}: {about.seen_as}.", ""]
     lines += ["| field | type | unit | meaning | nan | column of tracks |", "|---|---|---|---|---|---|"]
     hints, known = get_type_hints(signal), quantities(signal)
     lines += [_row(f.name, hints[f.name], known[f.name]) for f in fields(signal) if f.name in known]

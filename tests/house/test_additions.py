@@ -18,6 +18,7 @@ class AirSpeed(Signal, about=About("sensor")):
     """Speed over ground, measured without wheels."""
 
     speed: Annotated[float, Quantity("m/s", "measured over ground", column="radar_speed_m_s")]
+    gust: Annotated[float, Quantity("m/s", "of the air", nan="calm")]
 '''
 SENSOR = '''"""Air speed without an error but a scale."""
 
@@ -51,10 +52,10 @@ class ScaledRadar:
         self.scale = params.scale
 
     def reset(self, stream: Stream) -> Outputs:
-        return {"speed": AirSpeed(0, 0.0)}
+        return {"speed": AirSpeed(0, 0.0, 0.0)}
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
-        return {"speed": AirSpeed(t + dt, self.scale * inputs["state"].speed)}
+        return {"speed": AirSpeed(t + dt, self.scale * inputs["state"].speed, 1e-9 * t)}
 
     def save(self) -> State:
         return {}
@@ -178,7 +179,7 @@ ADDITIONS = {
 }
 SCENARIOS = {
     "measured": f"{SCENARIO}    air_speed: scaled\n    air_speed_rear: {{scale: 1.5, rate_hz: 5}}\n"
-    "expect: {combine: {top_speed_m_s: {max: 0.5}}}\n",
+    "expect: {combine: {top_speed_m_s: {max: 0.5}, air_speed_speed_gust_m_s: {max: 99}}}\n",
     "detector": SCENARIO.replace("distance_m: 3, max_duration_s: 6", "distance_m: 22, max_duration_s: 20")
     + "    start: {offset_m: 0.3}\n    edge: fixed_height\n",
     "habit": SCENARIO.replace("level: uniform,", "level: uniform, crop: asparagus,"),
@@ -225,6 +226,10 @@ def test_a_kind_of_sensor_touches_four_files(added):
     speeds = {(m.header.stamp.sec, m.header.stamp.nanosec): m.speed for _, m in found}
     last = rear[-1].header.stamp
     assert rear[-1].speed == pytest.approx(1.5 * speeds[last.sec, last.nanosec], rel=0.02)
+    gust, rear = (finite(tracks[f"air_speed{n}_speed_gust_m_s"]) for n in ("", "_rear"))
+    assert gust[-1] >= rear[-1] > 0.5 * finite(tracks["t_s"])[-1]  # by rule, nothing declares its column
+    (limit,) = (e for e in summary(out)["expect"] if e["name"] == "air_speed_speed_gust_m_s")
+    assert limit["result"] == "pass"
     assert "air_speed" in added.listed
 
 

@@ -94,6 +94,7 @@ class About:
     pictures; also no variable of an exported FMU), or never, since its `messages` keep every bit
     track_order: place of its columns in every tracks.parquet; None = at the end, of machines that publish it
     time_column: column of tracks.parquet for the time that the newest sample is valid for [s]
+    seen_as: where its arrays are seen, or why they are not: single numbers are columns of tracks.parquet
     """
 
     frame: Frame = "base"
@@ -103,6 +104,7 @@ class About:
     samples: Literal["exact", "full", "messages"] = "exact"
     track_order: int | None = None
     time_column: str = ""
+    seen_as: str = "its message in run.mcap"
 
 
 @frozen

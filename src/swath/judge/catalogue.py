@@ -3,7 +3,7 @@
 `scenario/slots.py` reads this at run time, so that `expect:` knows every metric.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -13,7 +13,8 @@ from swath.core.errors import InputError
 from swath.core.foreign_code import is_left
 from swath.core.registry import Registry
 from swath.judge.evaluator import HasColumns, HasEvents, KnowsWhy, Metric
-from swath.record.tracks import column_names
+from swath.record.tracks import column_names, sent_columns
+from swath.signals import Signal
 
 KIND = "evaluator"
 # In lists and reports; groups of a user's own come last.
@@ -74,6 +75,11 @@ class EvaluatorCatalogue:
         """Columns of tracks that a limit may be set on; some only where the machine has the sensor."""
         own = [name for c in self.classes if isinstance(c, HasColumns) for name in c.COLUMNS]
         return [*column_names(), *own]
+
+    @staticmethod
+    def sent(outputs: Mapping[str, type[Signal]]) -> list[str]:
+        """Columns that tracks have of what outputs send, by `slot.output`."""
+        return [column.name for column in sent_columns(outputs)]
 
     @cached_property
     def events(self) -> list[str]:

@@ -2,7 +2,8 @@
 
 A row at t holds, of every signal, the newest sample published up to the end of the tick at t. Which columns a
 signal has stands in its declaration. Where several outputs of a machine are of one type, the first has the
-columns of that name, those of the others begin with the name of their slot: `gnss_right_fix_x_m`.
+columns of that name, those of the others begin with the name of their slot: `gnss_right_fix_x_m`. Every
+number that has no declared column has one by rule, behind all others (`sent_columns`).
 """
 
 import json
@@ -10,6 +11,7 @@ from array import array
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
@@ -27,12 +29,14 @@ from swath.documents.packed import open_parquet
 from swath.record.formats import TRACKS, check_format
 from swath.record.message_factory import RecordedMachine
 from swath.signals import MachineState, Signal
+from swath.signals.flat import amounts, flat_fields, pose_number
 
 Latest = Mapping[type[Signal], Any]  # newest sample of each type
 NAN = float("nan")
 Rows = Mapping[str, np.ndarray]  # columns of a table, or of a piece of it, (row_count,) each
 STORED = 1 << 16  # numbers that are kept in memory; those before lie in a file that has no name
 PIECE = 1 << 14  # rows that are read or written together
+LENGTH = "dt"  # the amount that says how long a step is: over it the others are flows
 SHOWN_ROWS = 1 << 14  # of a machine, of which pages are made: what they show has no more points
 
 
@@ -46,6 +50,7 @@ class Column:
     source: what its value depends on alone, a key of the newest samples; None where it depends on more
     field: of the newest sample of the source, "" where the value is not of one
     number: from what it holds
+    over: another field of the sample, by which it is divided
     rests: whether its value stays, so that rows may be made later than their time
     """
 
@@ -58,14 +63,24 @@ class Column:
     is_by_row: bool = False
     field: str = ""
     number: Callable[[Any], float] = float
+    over: str = ""
     rests: Callable[[], bool] = lambda: False
 
 
-def _column(key: Any, field: str, column: TrackColumn, name: str) -> Column:
+def _column(key: Any, field: str, column: TrackColumn, name: str, over: str = "") -> Column:
     def value(latest: Mapping[Any, Any]) -> float:
-        return column.value(getattr(latest[key], field)) if key in latest else NAN
+        if key not in latest:
+            return NAN
+        found = column.value(getattr(latest[key], field))
+        return _over(found, getattr(latest[key], over)) if over else found
 
-    return Column(name, column.unit, column.meaning, value, source=key, field=field, number=column.value)
+    return Column(
+        name, column.unit, column.meaning, value, source=key, field=field, number=column.value, over=over
+    )
+
+
+def _over(value: float, dt: float) -> float:
+    return value / dt if dt > 0.0 else NAN
 
 
 def signal_columns(signal: type[Signal], key: Any, prefix: str = "") -> list[Column]:
@@ -93,6 +108,39 @@ def machine_columns(machine: RecordedMachine) -> list[Column]:
             found += signal_columns(kind, output, f"{output.partition('.')[0]}_")
         known.add(kind)
     return found
+
+
+def sent_columns(outputs: Mapping[str, type[Signal]]) -> list[Column]:
+    """The columns by rule: of every number that outputs send and that has none by its declaration.
+
+    The name is that of the slot, of the output where that is another, of the field and of its unit:
+    `settings_drum_rad_s`, `crop_flow_loss_cleaning_kg_s`. Amounts of a step are divided by its length `dt`.
+
+    outputs: `slot.output` -> type of its samples
+    """
+    found, known = [], set()
+    for output, kind in outputs.items():
+        key = output if kind in known else kind
+        known.add(kind)
+        begin = [*dict.fromkeys(output.split("."))]
+        step_long = LENGTH if LENGTH in amounts(kind) else ""
+        for name, field in flat_fields(kind).items():
+            whole, _, part = name.partition(".")
+            if field.kind == "array" or quantities(kind)[whole].tracks or name == step_long:
+                continue
+            over = step_long if name in amounts(kind) else ""
+            unit = f"{field.unit or '1'}/s" if over else field.unit
+            number = partial(pose_number, part=part) if part else float
+            column = TrackColumn("", unit or "-", f"{output}: {field.quantity.meaning}", number)
+            ends = [name.replace(".", "_"), unit.replace("/", "_").lower()]
+            found.append(_column(key, whole, column, "_".join(filter(None, [*begin, *ends])), over))
+    return found
+
+
+def arrays_of(kind: type[Signal]) -> list[str]:
+    """Fields of a sample type that are arrays of which no column is made: `seen_as` says where they are."""
+    known = quantities(kind)
+    return [name for name, f in flat_fields(kind).items() if f.kind == "array" and not known[name].tracks]
 
 
 def _first(machine: RecordedMachine, kind: type[Signal]) -> str:
@@ -173,7 +221,7 @@ class Tracks:
 
     def __init__(self, machine: RecordedMachine, period: int, extra: tuple[Column, ...] = ()) -> None:
         self.machine = machine
-        self.columns = (*machine_columns(machine), *extra)
+        self.columns = (*machine_columns(machine), *extra, *sent_columns(machine.outputs))
         groups = [(source, [*columns]) for source, columns in groupby(self.columns, lambda c: c.source)]
         self._groups = [(source, columns, _reader(columns)) for source, columns in groups]
         self._values: list[tuple[Any, list[float]]] = [(None, []) for _ in self._groups]  # of the last row
@@ -340,6 +388,8 @@ def _reader(columns: Sequence[Column]) -> Callable[[Any], list[float]] | None:
         return None
     fields = attrgetter(*(column.field for column in columns), "t")  # a tuple also of one
     numbers = [column.number for column in columns]
+    if any(column.over for column in columns):
+        return lambda sample: [column.value({column.source: sample}) for column in columns]
     if all(number is float for number in numbers):
         return lambda sample: [*fields(sample)[:-1]]
     return lambda sample: [number(v) for number, v in zip(numbers, fields(sample), strict=False)]

@@ -98,7 +98,16 @@ def plain_expect(expect: Iterable[Expectation], machines: Mapping[str, Any]) -> 
 def _columns(judged: Any, section: MachineSection) -> list[str]:
     """Columns that the tracks of a machine may have; those of a slot with a name of its own begin with it."""
     named = [slot for slot, choice in section.slots.items() if slot != choice.kind.name]
-    return [*judged.columns, *(f"{slot}_{column}" for slot in named for column in judged.columns)]
+    sent = {
+        f"{slot}.{port.name}": port.signal
+        for slot, choice in section.slots.items()
+        for port in (*choice.kind.outputs, *choice.kind.more)
+    }
+    return [
+        *judged.columns,
+        *judged.sent(sent),
+        *(f"{slot}_{name}" for slot in named for name in judged.columns),
+    ]
 
 
 def _limits(

@@ -10,6 +10,7 @@ from swath.core.signal import SHARE, About, Quantity, Signal
 from swath.signals.arrays import F64
 
 _NAN = float("nan")
+_ALONG = "in run.mcap; figure `Unloading` of the report shows the true grain along the box"
 NO_PROFILE = "no box, or not measured"
 
 
@@ -33,7 +34,7 @@ class TrailerState(Signal, about=About("world")):
 
 
 @frozen
-class HeapState(Signal, about=About()):
+class HeapState(Signal, about=About(seen_as="figure `Unloading` of the report")):
     """Grain in an open box: how much, and how its surface lies along the middle line."""
 
     grain: Annotated[float, Quantity("kg", "in the box", column="heap_grain_kg")]
@@ -159,7 +160,7 @@ class Station(Signal, about=About()):
 
 
 @frozen
-class BoxSeen(Signal, about=About()):
+class BoxSeen(Signal, about=About(seen_as=_ALONG)):
     """The open box of the machine beside, as a machine sees it, in its own frame at the time t.
 
     The grain is reported against the rim: heights at even places along the middle line of the box.

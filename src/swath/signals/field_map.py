@@ -3,14 +3,14 @@
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import Quantity, Signal
+from swath.core.signal import About, Quantity, Signal
 from swath.signals.arrays import F64
 
 _N = ("place_count",)
 
 
 @frozen
-class FieldMap(Signal):
+class FieldMap(Signal, about=About(seen_as="in run.mcap: the places move with the machine")):
     """Values of a stored map at places straight ahead of the header, averaged over its width."""
 
     ahead: Annotated[F64, Quantity("m", "of the places in front of the fixed axle", _N)]

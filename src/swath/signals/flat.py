@@ -80,11 +80,13 @@ def read(sample: Signal, name: str) -> Value:
         raise InputError("variable", name, _expected(type(sample)))
     first, _, part = name.partition(".")
     value = getattr(sample, first)
-    if not part:
-        return value
-    parts = list(POSE)
-    index = parts.index(part)
-    return float(value.position[index] if index < 3 else value.euler()[index - 3])
+    return pose_number(value, part) if part else value
+
+
+def pose_number(pose: Pose, part: str) -> float:
+    """One of the numbers `POSE` of a pose."""
+    index = list(POSE).index(part)
+    return float(pose.position[index] if index < 3 else pose.euler()[index - 3])
 
 
 def build(signal: type[Signal], t: int, values: Mapping[str, Value]) -> Signal:

@@ -34,7 +34,7 @@ class CropFlow(Signal, about=About(track_order=6)):
 
 
 @frozen
-class HeaderState(Signal, about=About(track_order=7)):
+class HeaderState(Signal, about=About(track_order=7, seen_as="in run.mcap, feeler by feeler")):
     """The header over the ground."""
 
     heights: Annotated[

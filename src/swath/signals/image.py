@@ -18,12 +18,13 @@ _IMAGE = (
     Message("sensor_msgs/Image", "raw, mono16 or rgb16", "/machine/slot/output_raw"),
     Message("sensor_msgs/CameraInfo", "", "/machine/slot/camera_info"),
 )
+_SEEN = "figure `Pictures` of the report"
 _N = ("box_count",)
 _COUNT = (TrackColumn("box_count", "-", "things in the picture", lambda x: float(len(x))),)
 
 
 @frozen
-class Image(Signal, about=About("optical", _IMAGE, samples="messages")):
+class Image(Signal, about=About("optical", _IMAGE, samples="messages", seen_as=_SEEN)):
     """One picture of a camera. A channel that was not asked for has no pixels.
 
     Optical frame: x right, y down, z forward; the middle of the upper left pixel is (0, 0). t: when the
@@ -50,7 +51,7 @@ class Image(Signal, about=About("optical", _IMAGE, samples="messages")):
 
 
 @frozen
-class ImageBoxes(Signal, about=About("optical")):
+class ImageBoxes(Signal, about=About("optical", seen_as=_SEEN)):
     """Boxes around the things of a picture [px]: the truth of what is seen of them, hidden parts left out.
 
     Outer edges of the outermost pixels: a thing of one pixel (3, 4) spans 2.5 to 3.5 and 3.5 to 4.5. Kinds by

@@ -18,7 +18,7 @@ _MESSAGES = (
 
 
 @frozen
-class Objects(Signal, about=About(messages=_MESSAGES)):
+class Objects(Signal, about=About(messages=_MESSAGES, seen_as="boxes in run.mcap; a column counts them")):
     """Things around the machine that are no crop, in the machine frame (x forward, y left), at the time t.
 
     Kinds by number, as in `OBSTACLE_KINDS`; 0 where a level reports none.

@@ -28,7 +28,9 @@ _MESSAGES = (
 
 
 @frozen
-class RadarTargets(Signal, about=About("sensor", _MESSAGES)):
+class RadarTargets(
+    Signal, about=About("sensor", _MESSAGES, seen_as="points in run.mcap; a column counts them")
+):
     """Detections of one look of a radar at the time t, the nearest first; it comes out later.
 
     Radial speeds are those that the radar measures: against itself, its own motion is in them.

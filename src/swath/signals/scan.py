@@ -19,7 +19,7 @@ _SCAN = (
 
 
 @frozen
-class Scan(Signal, about=About("sensor", _SCAN, is_bulky=True)):
+class Scan(Signal, about=About("sensor", _SCAN, is_bulky=True, seen_as="figure `Scans` of the report")):
     """One sweep of a LiDAR, in beam order. t is the end of the sweep.
 
     The nominal direction of a beam is (cos e cos a, cos e sin a, sin e) with its elevation e and azimuth a.
@@ -51,7 +51,12 @@ class Scan(Signal, about=About("sensor", _SCAN, is_bulky=True)):
 @frozen
 class ScanTruth(
     Signal,
-    about=About("world", (Message("sensor_msgs/PointCloud2", "x, y, z, beam, echo"),), samples="full"),
+    about=About(
+        "world",
+        (Message("sensor_msgs/PointCloud2", "x, y, z, beam, echo"),),
+        samples="full",
+        seen_as="echoes in the replay",
+    ),
 ):
     """What a simulated scan really hit, for metrics and pictures only."""
 
