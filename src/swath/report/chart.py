@@ -1,5 +1,7 @@
 """Small drawings in a page, as SVG in the colours of its style sheet."""
 
+from collections.abc import Sequence
+
 from swath.report.html import Html, escaped
 
 LEFT, BELOW, ABOVE = 66.0, 34.0, 8.0  # room for the names of the axes [px]
@@ -87,6 +89,14 @@ class Chart:
         (a, b), (c, d) = self._at(x, y), self._at(to_x, to_y)
         dashed = f' stroke-dasharray="{dash}"' if dash else ""
         self._marks.append(f'<line x1="{a}" y1="{b}" x2="{c}" y2="{d}" stroke-width="{thick}"{dashed}/>')
+
+    def curve(self, x: Sequence[float], y: Sequence[float]) -> None:
+        """A line through points in their order, which is broken where y is nan."""
+        path, begin = "", "M"
+        for a, b in zip(x, y, strict=True):
+            path += f"{begin}{a * self.width:.0f} {(1.0 - b) * self.height:.0f}" if b == b else ""
+            begin = "L" if b == b else "M"
+        self._marks.append(f'<path class="curve" d="{path}"/>')
 
     def text(
         self, x: float, y: float, text: str, *, anchor: str = "start", right: float = 0.0, down: float = 0.0,

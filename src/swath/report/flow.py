@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from swath.core.schedule import NS
-from swath.record.charts import CHARTS, LOSSES
+from swath.record.charts import shown_charts
 from swath.record.message_factory import RecordedMachine
 from swath.report import plots
 from swath.report.scan_sampler import Sampler
@@ -14,8 +14,9 @@ from swath.signals import MachineLoad, OrganLoads, Signal
 LOST = ("threshing_loss", "separation_loss", "cleaning_loss")
 LOST_AS = ("unthreshed", "lost in the straw", "lost in the chaff")
 FLOWS = ("header_flow", "drum_flow", "shoe_flow", "return_flow", *LOST)
-INCHES, HIGH, BELOW = 11.0, 3.9, 1.9  # of the drawing, and of the curves below it [inch]
+INCHES, HIGH, BELOW = 11.0, 3.9, 1.4  # of the drawing, and of a chart below it [inch]
 HEADER, DRUM, SHOE, END = 0.85, 3.0, 5.3, 7.6  # where crop is taken in, worked on and left [inch]
+FOOT = 0.45  # for the name of the axis of time [inch]
 TOP, GAP, AISLE = 0.35, 0.24, 0.45  # above all, between ends, and below the straw [inch]
 THIN = 1.2  # width of a band at least [point]
 
@@ -49,21 +50,24 @@ class FlowSampler(Sampler):
 
 
 def flow_figure(found: FlowSampler, tracks: Mapping[str, Any]) -> Any:
-    """The ways of the crop, from the header to straw, losses and tank; below them the losses over time."""
-    fig = plots.figure(INCHES, HIGH + BELOW, layout=None)
-    ax = fig.add_axes((0.0, BELOW / (HIGH + BELOW), 1.0, HIGH / (HIGH + BELOW)))
+    """The ways of the crop, from the header to straw, losses and tank.
+
+    Below them over time what is lost and what was set, so that one is seen to follow from the other.
+    """
+    charts = shown_charts(tracks, cuts=True, of_flow=True)
+    whole = HIGH + BELOW * len(charts) + FOOT
+    fig = plots.figure(INCHES, whole, layout=None)
+    ax = fig.add_axes((0.0, 1.0 - HIGH / whole, 1.0, HIGH / whole))
     ax.set(xlim=(0.0, INCHES), ylim=(HIGH, 0.0))
     ax.set_axis_off()
     _ways(ax, found)
-    curves = next(chart.curves for chart in CHARTS if chart.title == LOSSES)
-    left, whole = HEADER / INCHES, HIGH + BELOW
-    below = fig.add_axes((left, 0.5 / whole, 0.98 - left, (BELOW - 0.9) / whole))
-    for curve, colour in zip(curves, (plots.BLUE, plots.ORANGE, plots.GREEN), strict=True):
-        thin = plots.evenly(tracks["t_s"])
-        below.plot(tracks["t_s"][thin], tracks[curve.column][thin], color=colour, lw=1.3, label=curve.label)
-    below.set(xlabel="time [s]", ylabel="lost\n[kg/s]", xlim=(0.0, max(float(tracks["t_s"][-1]), 1.0)))
-    below.set_ylim(bottom=0.0)
-    below.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncol=3)
+    left, end = HEADER / INCHES, max(float(tracks["t_s"][-1]), 1.0)
+    for k, chart in enumerate(charts, 1):
+        low, is_last = BELOW * (len(charts) - k) + FOOT, k == len(charts)
+        below = fig.add_axes((left, low / whole, 0.98 - left, (BELOW - 0.4) / whole))
+        plots.draw_chart(below, "t_s", {"": tracks}, chart)
+        below.set(xlim=(0.0, end), xlabel="time [s]" if is_last else "")
+        below.tick_params(labelbottom=is_last)
     return fig
 
 

@@ -60,11 +60,12 @@ def render(
     figures: Sequence[Figure],
     default_lines: Collection[int] = (),
     known: EvaluatorCatalogue | None = None,
+    sent: Sequence[Fold] = (),
 ) -> str:
     """The whole page.
 
     default_lines: numbers, from 1, of the lines of the scenario to show as defaults; known: the evaluators of
-    the run, the built-in ones by default
+    the run, the built-in ones by default; sent: what the slots of each machine sent
     """
     expect = summary.get("expect") or []
     evaluators = known or load_evaluators()
@@ -87,6 +88,7 @@ def render(
                 list(_inputs(summary)),
                 text=ABOUT_INPUTS.format("; ".join(TAGS.values())),
             ),
+            Section("All that was sent", sent),
             Table("Cost", COST, _cost(summary), range(1, 6)),
             Section("Made with", [Facts(made_with), f"`digest {digest}`" if digest else ""]),
             Section("Scenario as run", [ABOUT_SCENARIO, Fold(SHOW, [_lines(scenario, default_lines)])]),

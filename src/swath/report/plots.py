@@ -253,20 +253,27 @@ def curves_figure(runs: Mapping[str, Columns], charts: Sequence[Mapping[str, Any
     ]
     fig, grid = panels(1.35 * len(rows) + 0.6, len(rows), top=0.3, gap=0.32, sharex=True)
     for ax, (chart, curves) in zip(grid[:, 0], rows, strict=True):
-        looks = zip((BLUE, ORANGE, GREEN), (1.5, 1.1, 1.1), strict=True)
-        for (run, own), curve in product(runs.items(), curves):
-            values, (colour, thick) = own.get(curve["column"]), next(looks)
-            if values is not None:
-                thin = evenly(values)
-                x, y = own["distance_m"][thin], curve["factor"] * values[thin]
-                ax.plot(x, y, color=colour, lw=thick, label=run if named else curve["label"])
-        title = chart["title"] if len(curves) > 1 else f"{chart['title']}: {curves[0]['label']}"
-        ax.set_title(title, loc="left", fontsize=9.5)
-        ax.set_ylabel(f"[{chart['unit']}]")
-        if len(curves) > 1 or (named and ax is grid[0, 0]):
-            ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncol=3)
+        draw_chart(ax, "distance_m", runs, {**chart, "curves": curves}, legend=named and ax is grid[0, 0])
     grid[-1, 0].set_xlabel("distance driven [m]")
     return fig
+
+
+def draw_chart(
+    ax: Any, over: str, runs: Mapping[str, Columns], chart: Mapping[str, Any], *, legend: bool = False
+) -> None:
+    """A chart of tracks into axes. over: the column that is drawn to the right; runs: by name, "" of one."""
+    curves, looks = chart["curves"], zip((BLUE, ORANGE, GREEN), (1.5, 1.1, 1.1), strict=True)
+    for (run, own), curve in product(runs.items(), curves):
+        values, (colour, thick) = own.get(curve["column"]), next(looks)
+        if values is not None:
+            thin = evenly(values)
+            x, y = own[over][thin], curve["factor"] * values[thin]
+            ax.plot(x, y, color=colour, lw=thick, label=run or curve["label"])
+    title = chart["title"] if len(curves) > 1 else f"{chart['title']}: {curves[0]['label']}"
+    ax.set_title(title, loc="left", fontsize=9.5)
+    ax.set_ylabel(f"[{chart['unit']}]")
+    if len(curves) > 1 or legend:
+        ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncol=3)
 
 
 def scans_figure(scans: Sequence[KeptScan], geometry: MachineGeometry, side: str) -> Any:

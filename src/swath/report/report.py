@@ -20,14 +20,15 @@ from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
-from swath.record.charts import LOSSES, path_of, shown_charts
+from swath.record.charts import path_of, shown_charts
 from swath.record.message_factory import RecordedMachine
-from swath.record.tracks import SHOWN_ROWS
+from swath.record.tracks import SHOWN_ROWS, Column
 from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure, silhouette
 from swath.report.flow import FlowSampler, flow_figure
 from swath.report.html import Figure
 from swath.report.scan_sampler import FieldMap, KeptScan, Sampler, ScanSampler, circles_of, make_map
+from swath.report.sent import sent
 from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
@@ -46,7 +47,7 @@ ABOUT_DRIVING = (
 ABOUT_FLOW = (
     "Widths are masses, over the whole run; what is still inside at its end is missing at the right. "
     "Shares are of the grain that came out up to then, those in the results of what leaves together. "
-    "Below: grain that leaves the machine with straw and chaff."
+    "Below: grain that leaves the machine with straw and chaff, and what a controller set."
 )
 
 
@@ -183,6 +184,7 @@ class MachineReport:
     edge: initial, (k, 2) world [m]
     pictures: by camera slot, from `PictureSampler.pick`
     flow: what went through it
+    columns: what the columns of its tracks are
     """
 
     machine: RecordedMachine
@@ -193,6 +195,7 @@ class MachineReport:
     edge: F64 = field(default_factory=lambda: np.zeros((0, 2)))
     pictures: Mapping[str, Sequence[KeptPicture]] = field(default_factory=dict)
     flow: FlowSampler | None = None
+    columns: Sequence[Column] = ()
 
 
 @dataclass
@@ -341,6 +344,8 @@ class ReportWriter(RunHook):
             told, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures,
             self._flows,
         )  # fmt: skip
+        for own in data.machines:
+            own.columns = run.recorder.tracks[own.machine.name].columns
         write_report(of.folder, data)
 
 
@@ -359,7 +364,8 @@ def write_report(run_dir: Path, data: ReportData) -> Path:
     """Write `report.html` into the run folder in one go and return its path."""
     with plots.styled():
         figures = list(figures_of(data))
-        text = page.render(data.summary, data.scenario, figures, data.default_lines, data.known)
+        lines = [sent(own.machine, own.columns, own.tracks) for own in data.machines if own.columns]
+        text = page.render(data.summary, data.scenario, figures, data.default_lines, data.known, lines)
     return write_whole(run_dir / "report.html", text)
 
 
@@ -384,10 +390,11 @@ def _of_machine(data: ReportData, own: MachineReport) -> Iterator[Figure]:
     for slot, pictures in own.pictures.items():
         yield _pictures(slot, pictures, alone=len(own.pictures) == 1)
     if len(own.tracks.get("t_s", ())) > 1:
-        if own.flow is not None and own.flow.shows:
-            image = plots.as_image(flow_figure(own.flow, own.tracks))
+        flow = own.flow if own.flow is not None and own.flow.shows else None
+        if flow is not None:
+            image = plots.as_image(flow_figure(flow, own.tracks))
             yield Figure("Flow through the machine", image, ABOUT_FLOW)
-        yield from _drive(own)
+        yield from _drive(own, of_flow=None if flow is None else False)
 
 
 def near_obstacles(obstacles: Solids, ways: F64) -> F64:
@@ -480,9 +487,9 @@ def _pictures(slot: str, pictures: Sequence[KeptPicture], *, alone: bool) -> Fig
     return Figure("Pictures" if alone else f"Pictures of {slot}", image, caption)
 
 
-def _drive(own: MachineReport) -> Iterator[Figure]:
+def _drive(own: MachineReport, *, of_flow: bool | None) -> Iterator[Figure]:
     """The curves of its tracks, but for those that have a figure of their own."""
-    shown = shown_charts(own.tracks, cuts=own.path is not None)
-    charts = [c for c in shown if c["title"] not in ("Edge", LOSSES)]
+    shown = shown_charts(own.tracks, cuts=own.path is not None, of_flow=of_flow)
+    charts = [c for c in shown if c["title"] != "Edge"]
     if charts:
         yield Figure("Driving", plots.as_image(plots.curves_figure({"": own.tracks}, charts)), ABOUT_DRIVING)
