@@ -341,6 +341,23 @@ def test_other_names_are_not_taken_for_those_that_begin_alike(name):
     assert list(found) == (["yield"] if name == "Yield" else [])
 
 
+NUMBERS = ("ID", "No.", "Nr", "number", "Serial", "serial number", "S/N", "SerialNo")
+
+
+@pytest.mark.parametrize("form", ["{} {}", "{}_{}", "{}{}"])
+def test_a_machine_goes_by_its_number_and_nothing_else_does(form):
+    def found(things):
+        names = [form.format(thing, number) for thing in things for number in NUMBERS]
+        return {name: guess([name], Path("log.csv")).columns.keys() for name in names}
+
+    assert all(keys == {"machine"} for keys in found(("Machine", "combine", "Mähdrescher")).values())
+    others = ("Product", "Field", "Load", "Region", "Farm", "Task", "Display", "Sensor", "Header", "Record")
+    assert not any("machine" in keys for keys in found(others).values())
+    ways = ("Machine Speed", "Combine Hours", "Vehicle_Sp", "Machine Width", "S/N", "No.", "Number")
+    assert not any("machine" in guess([name], Path("log.csv")).columns for name in ways)
+    assert "machine" in guess(["Combine_Se"], Path("log.shp")).columns
+
+
 HEADINGS = {"yield": "Yield (t/furlong)", "speed": "Speed [knotz]", "header_width": "Width (m x 10)",
             "moisture": "Moisture (per mille)"}  # fmt: skip
 SAID = {"yield": "t/ha", "speed": "km/h", "header_width": "m", "moisture": '"%"'}
