@@ -8,6 +8,7 @@ pytest.importorskip("scipy")
 from swath.core.errors import InputError
 from swath.documents.reasons import doubts
 from swath.field_io.delay import estimate_delays
+from swath.field_io.importer import import_log
 from swath.field_io.logs.clock import spread
 from swath.field_io.logs.columns import ADDED, QUANTITIES, UNITS
 from swath.field_io.logs.log import first_loss, read_log
@@ -256,3 +257,14 @@ def test_a_speed_that_is_dead_does_not_count(tmp_path):
     log = read_log(table(tmp_path / "log.csv", {**made, "speed_km_h": 0.0 * made["lat"]}))
     assert doubts(log.notes) == ["plausible"]
     assert log.speed.mean() == pytest.approx(2.0, rel=0.01)
+
+
+def test_a_refusal_of_the_result_has_the_key_of_the_first_doubt(tmp_path):
+    """A speed of no unit makes every yield small: the tonnes on the map are not the cause."""
+    made = columns(Harvest(level=0.9))
+    log = table(tmp_path / "log.csv", {**made, "speed_mph": 3.6 * 2.0 / 0.44704 + 0.0 * made["lat"]})
+    with pytest.raises(
+        InputError, match=r"(?s)speed_mph.* by positions and times; and so yield = "
+    ) as refused:
+        import_log(log, tmp_path / "field", progress=False)
+    assert refused.value.key == "plausible"

@@ -2,6 +2,8 @@
 
 import hashlib
 import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from itertools import combinations
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, check_within
 from swath.core.files.read_file import open_to_read
 from swath.documents.json_file import json_safe
+from swath.documents.reasons import key_of
 from swath.documents.witness import Pair, judge, outside, ratio
 from swath.field.crop import Crop
 from swath.field.crop_sheet import load_crop
@@ -54,6 +57,7 @@ YIELDS = {
     "wheat": (1, 11), "barley": (1, 9.5), "rye": (1, 9.5), "soy": (0.8, 5.5), "rape": (0.7, 5.5),
     "maize": (2, 16),
 }  # fmt: skip
+CAUSES = ("sources", "timeline", "plausible", "mixed", "place")  # of numbers that do not agree in the end
 FEW_USED = 0.5  # of the records on passes, that are not used
 
 
@@ -173,7 +177,8 @@ def import_log(
         origin = origin_near(polygon, terrain, records.epsg)
         tracks = () if settings.as_map else make_tracks(cleaned, origin)
         spacing = pass_spacing(tracks, row_azimuth(tracks))[0] if tracks else np.nan
-        notes += _doubts(cleaned, maps, within, polygon, settings, crop_facts, spacing, log)
+        with first_cause(notes):
+            notes += _doubts(cleaned, maps, within, polygon, settings, crop_facts, spacing, log)
         report = _report(log, out, cleaned, tracks, maps, polygon, settings, terrain_info, tuple(notes))
         exterior, holes = outline.rings(polygon)
         corner = np.array([origin.easting, origin.northing])
@@ -187,6 +192,20 @@ def import_log(
         step("writing and drawing")
         folder.write(field, draw)
     return report
+
+
+@contextmanager
+def first_cause(notes: Sequence[str]) -> Iterator[None]:
+    """A refusal of the result has the key of what the log was doubted for before, where there is that."""
+    try:
+        yield
+    except InputError as error:
+        cause = next((note for note in notes if key_of(note) in CAUSES), "")
+        if not cause:
+            raise
+        key, _, text = cause.partition(": ")
+        so = f"and so {error.key} = {error.value}: {error.expected}"
+        raise InputError(key, None, f"{text}; {so}", file=error.file) from error
 
 
 def find_log(log: Path) -> Path:
