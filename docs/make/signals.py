@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import get_type_hints
 
 from swath.core.frames import Pose
-from swath.core.signal import Message, Quantity, Signal, quantities, signal_types
+from swath.core.signal import Message, Quantity, Signal, quantities, signal_types, span_of
 from swath.record.tracks import arrays_of
 from swath.scenario.slots import SLOTS
 from swath.signals.flat import ARRAYS
@@ -35,6 +35,10 @@ pose are `pose.x`, `pose.y`, `pose.z` [m], `pose.roll`, `pose.pitch`, `pose.yaw`
 Every single number is a column of `tracks.parquet`. One for which the tables name no column has its name by rule: slot,
 output where that is another word, field, unit. `settings_drum_rad_s`, `crop_flow_loss_cleaning_kg_s`; amounts are
 divided by the length `dt` of their step: `header_flow_straw_kg_s`.
+
+A part that is not swath's own (a file, an FMU, a node, a device, a log) may send what lies in the *range* of a
+field; a pose has that of its place. Anything else, a confidence of 95 or an edge 600 m aside, ends the run in
+one line. The ranges are estimates, wide enough for any machine in a field (`swath.signals.ranges`).
 
 A signal of your own is declared once, in the file of the part that gives it; this holds for recording,
 playback, FMUs and ROS 2:
@@ -96,7 +100,10 @@ def _section(signal: type[Signal]) -> str:
     if arrays := arrays_of(signal):
         names = ", ".join(f"`{name}`" for name in arrays)
         lines += [f"Arrays without a column, {names}: {about.seen_as}.", ""]
-    lines += ["| field | type | unit | meaning | nan | column of tracks |", "|---|---|---|---|---|---|"]
+    lines += [
+        "| field | type | unit | range | meaning | nan | column of tracks |",
+        "|---|---|---|---|---|---|---|",
+    ]
     hints, known = get_type_hints(signal), quantities(signal)
     lines += [_row(f.name, hints[f.name], known[f.name]) for f in fields(signal) if f.name in known]
     return "\n".join(lines) + "\n"
@@ -112,7 +119,8 @@ def _row(name: str, hint: type, quantity: Quantity) -> str:
     )
     meaning = quantity.meaning.replace("|", "\\|") + (" (amount)" if quantity.is_amount else "")
     columns = ", ".join(f"`{c.name}`" for c in quantity.tracks)
-    return f"| `{name}` | {kind} | {quantity.unit or '-'} | {meaning} | {quantity.nan} | {columns} |"
+    ends = "" if hint is bool else " to ".join(f"{end:g}" for end in span_of(name, quantity))
+    return f"| `{name}` | {kind} | {quantity.unit or '-'} | {ends} | {meaning} | {quantity.nan} | {columns} |"
 
 
 def with_table(page: str) -> str:

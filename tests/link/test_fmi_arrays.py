@@ -20,8 +20,9 @@ EDGE = """
       level: fmu
       file: {file}
       inputs: {{ranges: scan.ranges}}
-      outputs: {{edge.offset: digits}}
+      outputs: {{edge.offset_sd: digits}}
       constants:
+        edge.offset: nan
         edge.heading: 0
         edge.curvature: 0
         edge.reference_x: 8
@@ -47,10 +48,10 @@ def test_an_edge_detector_gets_the_ranges_of_every_scan(tmp_path):
         scan = world.graph.latest("combine.lidar", "scan")
         edge = world.graph.latest("combine.edge", "edge")
         expected = scan.ranges[:, 0].astype(float) @ np.array([1.0, 10.0, 100.0])
-        assert edge.offset == pytest.approx(expected, rel=1e-12)
+        assert edge.offset_sd == pytest.approx(expected, rel=1e-12)
         assert edge.t == k * 40_000_000
         assert np.isnan(edge.crop_height)
-        seen.append(edge.offset)
+        seen.append(edge.offset_sd)
     world.close()
     assert len(set(seen)) > 1
 
@@ -60,7 +61,7 @@ def test_a_beam_without_an_echo_is_nan_in_and_out(tmp_path):
     world = assemble(parse_scenario(text(up, EDGE.format(file=store_fmu(tmp_path)))))
     drive(world, until_s=0.1)
     assert np.isnan(world.graph.latest("combine.lidar", "scan").ranges).all()
-    assert np.isnan(world.graph.latest("combine.edge", "edge").offset)
+    assert np.isnan(world.graph.latest("combine.edge", "edge").offset_sd)
     world.close()
 
 

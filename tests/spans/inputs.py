@@ -11,17 +11,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swath.core.checked import CheckedOutput
+from swath.core.checked import CheckedOutput, misfit
 from swath.core.errors import SwathError
-from swath.core.signal import span_of
+from swath.core.signal import quantities, span_of
 from swath.scenario.scenario import load_scenario
 from swath.scenario.slots import CATALOGUE, FIELD_LEVELS
-from swath.signals import OrganSettings, Signal
+from swath.signals import OrganSettings, Signal, ranges
 from swath.signals.flat import FlatField, build, flat_fields
 from swath.tools.part.isolate import Arrival, IsolatedPart
 from tests.spans.keys import FILES, ON_CART, placed, usual_part
 
 ORDINARY = (0.0, 0.02, 0.5, 1.0, 3.0)
+ESTIMATES = {v for k, v in vars(ranges).items() if k.isupper()} - {ranges.SHARE}
 LENGTH = 7  # of an array
 STEP, STEPS = 50_000_000, 12  # between samples [ns]; how many
 SETTLING = 100_000_000, 120  # the same of what has settings, which are moved to
@@ -110,7 +111,18 @@ def drive(part: IsolatedPart, given: dict[tuple[str, str], dict[str, float]], se
         try:
             check.pass_on(found.t, {found.output[1]: found.sample})
         except SwathError as error:
-            raise AssertionError(str(error)) from error
+            if not _is_beyond_estimate(found.sample):
+                raise AssertionError(str(error)) from error
+
+
+def _is_beyond_estimate(sample: Signal) -> bool:
+    """Whether what does not fit is finite and has the right sign: sums of ends lie beyond estimates."""
+    field, _ = misfit(sample)
+    quantity, value = quantities(type(sample))[field], getattr(sample, field)
+    numbers = np.asarray(getattr(value, "position", value), dtype=float)
+    numbers = numbers[~np.isnan(numbers)] if quantity.nan else numbers
+    low, _ = ends = span_of(field, quantity)
+    return ends in ESTIMATES and np.isfinite(numbers).all() and not (low == 0.0 and (numbers < 0.0).any())
 
 
 def drive_some(part: IsolatedPart, spans: list[Span], rng: Random, count: int) -> None:

@@ -15,7 +15,7 @@ from swath.core.component import Outputs, Port
 from swath.core.errors import InputError, shortened
 from swath.core.fault import NOTHING, Fault, FaultyOutput
 from swath.core.frames import Pose
-from swath.core.signal import Quantity, Signal, per_signal, span_of
+from swath.core.signal import Quantity, Signal, per_signal, quantities, span_of
 
 Check = Callable[[Any], bool]
 
@@ -42,7 +42,7 @@ class CheckedOutput(FaultyOutput):
                 raise self._error(f".{name}", sample, f"expected a {signal.__name__}")
             if (wrong := misfit(sample)) is not None:
                 field, expected = wrong
-                raise self._error(f".{name}.{field}", getattr(sample, field), f"expected {expected}")
+                raise self._error(f".{name}.{field}", _wrong(sample, field), f"expected {expected}")
         return outputs if self.fault is NOTHING else super().pass_on(t, outputs)
 
     def _error(self, key: str, value: Any, expected: str) -> InputError:
@@ -62,6 +62,15 @@ def misfit(sample: Signal) -> tuple[str, str] | None:
     return None
 
 
+def _wrong(sample: Signal, field: str) -> Any:
+    """The value of a field; of an array the first number that is out of range, if that is what is wrong."""
+    value, (low, high) = getattr(sample, field), span_of(field, quantities(type(sample))[field])
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+        outside = value[(value < low) | (value > high)]
+        return outside[0].item() if outside.size else value
+    return value
+
+
 @per_signal
 def _checks(signal: type[Signal]) -> list[tuple[str, Check, str]]:
     """For each field of a sample type: its name, what holds for a right value, and that in words."""
@@ -79,7 +88,7 @@ def _checks(signal: type[Signal]) -> list[tuple[str, Check, str]]:
         elif kind in (float, int):
             found.append((field.name, _number(low, high, bool(nan)), f"a number, {what}{nan}"))
         elif kind is Pose:
-            found.append((field.name, _is_pose, "a Pose, finite"))
+            found.append((field.name, _pose(low, high), f"a Pose, its place {what}"))
         elif get_origin(kind) is np.ndarray:
             shape = f"({', '.join(map(str, quantity.shape))})"
             found.append((field.name, _array(low, high, quantity), f"an array {shape}, {what}{nan}"))
@@ -97,14 +106,22 @@ def _array(low: float, high: float, quantity: Quantity) -> Check:
     most = np.fmax.reduce if quantity.nan else np.maximum.reduce
 
     def fits(value: Any) -> bool:
-        if value.dtype.kind != "f":
-            return value.dtype.kind in "iub" and value.ndim == dimensions
+        if value.dtype.kind not in "fiub" or value.ndim != dimensions:
+            return False
+        if value.dtype.kind == "u" and high == np.iinfo(value.dtype).max:
+            return True  # of a picture: no pixel is looked at
+        if value.dtype.kind in "iu":
+            return value.size == 0 or bool(low <= value.min() and value.max() <= high)
         ends = least(value, axis=None, initial=inf), most(value, axis=None, initial=-inf)
-        is_within = -inf != ends[0] >= low and inf != ends[1] <= high
-        return value.ndim == dimensions and bool(is_within)
+        return bool(-inf != ends[0] >= low and inf != ends[1] <= high)
 
     return fits
 
 
-def _is_pose(value: Pose) -> bool:
-    return bool(np.isfinite(value.position).all() and np.isfinite(value.rotation).all())
+def _pose(low: float, high: float) -> Check:
+    def fits(value: Pose) -> bool:
+        place = value.position
+        is_within = ((low <= place) & (place <= high) & np.isfinite(place)).all()
+        return bool(is_within and np.isfinite(value.rotation).all())
+
+    return fits

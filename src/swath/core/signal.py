@@ -19,7 +19,6 @@ from typing import Any, ClassVar, Literal, TypeVar, cast, get_type_hints
 from swath.core.frozen import frozen
 
 T = TypeVar("T")
-SHARE = 0.0, 1.0  # span of a share
 Frame = Literal["base", "sensor", "optical", "world"]
 
 
@@ -46,7 +45,7 @@ class Quantity:
     meaning: one line, with the sign
     shape: names or lengths of an array's dimensions
     nan: what nan means; "" = the field is never nan
-    span: least and greatest value that it can have
+    span: least and greatest value that it can have, of a pose of its place; a user's own signal needs none
     is_amount: belongs to the step of the sample (kg in that step), adds up over steps; otherwise a state
     column: name under which it is a column of tracks.parquet as it is
     columns: those that are made from it

@@ -232,7 +232,7 @@ class LinkedOrgan(KeepsState):
         if not isinstance(told, OrganWork):
             over = made.get("over")
             lost = over.grain / fed[0] if isinstance(over, CropStream) and fed[0] > 0.0 else 0.0
-            told = OrganWork(t + dt, *fed, dt / NS, loss_share=min(lost, 1.0))
+            told = OrganWork(t + dt, *fed, dt / NS, loss_share=min(max(lost, 0.0), 1.0))
         return {**made, "work": changed(told, **held)}
 
     def close(self) -> None:

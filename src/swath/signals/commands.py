@@ -4,6 +4,7 @@ from typing import Annotated
 
 from swath.core.frozen import frozen
 from swath.core.signal import About, Message, Quantity, Signal
+from swath.signals.ranges import CURVATURE, SPEED
 
 
 @frozen
@@ -12,7 +13,12 @@ class SteerCommand(Signal, about=About(track_order=2)):
 
     curvature: Annotated[
         float,
-        Quantity("1/m", "wanted path curvature at the fixed axle, > 0 left", column="command_curvature_1_m"),
+        Quantity(
+            "1/m",
+            "wanted path curvature at the fixed axle, > 0 left",
+            column="command_curvature_1_m",
+            span=CURVATURE,
+        ),
     ]
     is_engaged: Annotated[
         bool, Quantity("", "1 while the automatic steers, 0 = a person must steer", column="engaged")
@@ -23,4 +29,4 @@ class SteerCommand(Signal, about=About(track_order=2)):
 class SpeedCommand(Signal, about=About(messages=(Message("geometry_msgs/TwistStamped"),), track_order=3)):
     """Wanted speed."""
 
-    speed: Annotated[float, Quantity("m/s", "wanted forward speed", column="command_speed_m_s")]
+    speed: Annotated[float, Quantity("m/s", "wanted forward speed", column="command_speed_m_s", span=SPEED)]

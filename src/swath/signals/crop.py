@@ -4,7 +4,8 @@ from math import isfinite
 from typing import Annotated
 
 from swath.core.frozen import frozen
-from swath.core.signal import SHARE, About, Message, Quantity, Signal
+from swath.core.signal import About, Message, Quantity, Signal
+from swath.signals.ranges import AHEAD, ANGLE, ASIDE, CANOPY, CURVATURE, DEVIATION, EXTINCTION, SHARE
 
 _NAN = float("nan")
 _EDGE = (
@@ -24,7 +25,11 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
     offset: Annotated[
         float,
         Quantity(
-            "m", "y of the detected edge at x = reference_x, > 0 left", nan="no edge", column="edge_offset_m"
+            "m",
+            "y of the detected edge at x = reference_x, > 0 left",
+            nan="no edge",
+            column="edge_offset_m",
+            span=ASIDE,
         ),
     ]
     heading: Annotated[
@@ -34,15 +39,21 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
             "angle of the detected edge against the x axis, > 0 bears left",
             nan="no edge",
             column="edge_heading_rad",
+            span=ANGLE,
         ),
     ]
     curvature: Annotated[
-        float, Quantity("1/m", "> 0 when the edge bends left; 0 when not estimated", nan="no edge")
+        float,
+        Quantity("1/m", "> 0 when the edge bends left; 0 when not estimated", nan="no edge", span=CURVATURE),
     ]
     reference_x: Annotated[
         float,
         Quantity(
-            "m", "where ahead of the fixed axle the offset holds", nan="no edge", column="edge_reference_m"
+            "m",
+            "where ahead of the fixed axle the offset holds",
+            nan="no edge",
+            column="edge_reference_m",
+            span=AHEAD,
         ),
     ]
     confidence: Annotated[
@@ -50,15 +61,23 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
         Quantity("", "P(|offset error| <= 0.10 m), 0..1; 0 = no edge", column="edge_confidence", span=SHARE),
     ]
     crop_height: Annotated[
-        float, Quantity("m", "of the crop above the ground", nan="unknown", column="edge_crop_height_m")
+        float,
+        Quantity(
+            "m", "of the crop above the ground", nan="unknown", column="edge_crop_height_m", span=CANOPY
+        ),
     ]
-    stubble_height: Annotated[float, Quantity("m", "of the stubble above the ground", nan="unknown")]
+    stubble_height: Annotated[
+        float, Quantity("m", "of the stubble above the ground", nan="unknown", span=CANOPY)
+    ]
     offset_sd: Annotated[
-        float, Quantity("m", "1 sigma of the offset", nan="not known", column="edge_offset_sd_m")
+        float,
+        Quantity("m", "1 sigma of the offset", nan="not known", column="edge_offset_sd_m", span=DEVIATION),
     ] = _NAN
-    heading_sd: Annotated[float, Quantity("rad", "1 sigma of the heading", nan="not known")] = _NAN
+    heading_sd: Annotated[
+        float, Quantity("rad", "1 sigma of the heading", nan="not known", span=DEVIATION)
+    ] = _NAN
     seen_to: Annotated[
-        float, Quantity("m", "x of the farthest place where the edge is seen", nan="unknown")
+        float, Quantity("m", "x of the farthest place where the edge is seen", nan="unknown", span=AHEAD)
     ] = _NAN
     is_held: Annotated[bool, Quantity("", "held from earlier scans, not seen in this one")] = False
 
@@ -72,10 +91,15 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
 class CropAhead(Signal):
     """The standing crop ahead of the header, averaged over its width."""
 
-    ahead: Annotated[float, Quantity("m", "where in front of the fixed axle it was seen")]
-    height: Annotated[float, Quantity("m", "top of the canopy above the ground", nan="nothing seen")]
+    ahead: Annotated[float, Quantity("m", "where in front of the fixed axle it was seen", span=AHEAD)]
+    height: Annotated[
+        float, Quantity("m", "top of the canopy above the ground", nan="nothing seen", span=CANOPY)
+    ]
     extinction: Annotated[
-        float, Quantity("1/m", "hits of a ray per metre of way through the canopy", nan="nothing seen")
+        float,
+        Quantity(
+            "1/m", "hits of a ray per metre of way through the canopy", nan="nothing seen", span=EXTINCTION
+        ),
     ]
 
     @property

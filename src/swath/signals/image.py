@@ -8,6 +8,8 @@ import numpy as np
 from swath.core.frozen import frozen
 from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
 from swath.signals.arrays import F32, F64, U8, U16
+from swath.signals.obstacles import KIND
+from swath.signals.ranges import CODE8, CODE16, COEFFICIENT, EXPOSURE, GAIN, PIXEL, PIXELS, SIGHT
 
 _IMAGE = (
     Message("sensor_msgs/Image", "colour, rgb8"),
@@ -31,23 +33,35 @@ class Image(Signal, about=About("optical", _IMAGE, samples="messages", seen_as=_
     exposure of the last row ends.
     """
 
-    width: Annotated[int, Quantity("", "of the image [px]")]
-    height: Annotated[int, Quantity("", "of the image [px]")]
-    focal: Annotated[float, Quantity("", "focal length [px]")]
-    centre_x: Annotated[float, Quantity("", "principal point [px]")]
-    centre_y: Annotated[float, Quantity("", "principal point [px]")]
+    width: Annotated[int, Quantity("", "of the image [px]", span=CODE16)]
+    height: Annotated[int, Quantity("", "of the image [px]", span=CODE16)]
+    focal: Annotated[float, Quantity("", "focal length [px]", span=PIXELS)]
+    centre_x: Annotated[float, Quantity("", "principal point [px]", span=PIXEL)]
+    centre_y: Annotated[float, Quantity("", "principal point [px]", span=PIXEL)]
     depth: Annotated[
-        F32, Quantity("m", "along the optical axis", ("height", "width"), "nothing within reach")
+        F32, Quantity("m", "along the optical axis", ("height", "width"), "nothing within reach", span=SIGHT)
     ]
-    colour: Annotated[U8, Quantity("", "sRGB", ("height", "width", 3))]
-    label: Annotated[U8, Quantity("", "`field.layout.Organ` that was hit, 0 = none", ("height", "width"))]
-    instance: Annotated[U16, Quantity("", "thing that was hit, from 1 on, 0 = none", ("height", "width"))]
-    raw: Annotated[U16, Quantity("", "digital numbers of the image sensor", ("height", "width", "channels"))]
+    colour: Annotated[U8, Quantity("", "sRGB", ("height", "width", 3), span=CODE8)]
+    label: Annotated[
+        U8, Quantity("", "`field.layout.Organ` that was hit, 0 = none", ("height", "width"), span=CODE8)
+    ]
+    instance: Annotated[
+        U16, Quantity("", "thing that was hit, from 1 on, 0 = none", ("height", "width"), span=CODE16)
+    ]
+    raw: Annotated[
+        U16, Quantity("", "digital numbers of the image sensor", ("height", "width", "channels"), span=CODE16)
+    ]
     distortion: Annotated[
-        F64, Quantity("", "of the lens: none, 5 or 8 of Brown-Conrady, 4 of a fisheye", ("coefficients",))
+        F64,
+        Quantity(
+            "",
+            "of the lens: none, 5 or 8 of Brown-Conrady, 4 of a fisheye",
+            ("coefficients",),
+            span=COEFFICIENT,
+        ),
     ]
-    exposure: Annotated[float, Quantity("s", "exposure time, 0 = no light was counted")] = 0.0
-    gain: Annotated[float, Quantity("", "of the image sensor over its least one")] = 1.0
+    exposure: Annotated[float, Quantity("s", "exposure time, 0 = no light was counted", span=EXPOSURE)] = 0.0
+    gain: Annotated[float, Quantity("", "of the image sensor over its least one", span=GAIN)] = 1.0
 
 
 @frozen
@@ -58,14 +72,16 @@ class ImageBoxes(Signal, about=About("optical", seen_as=_SEEN)):
     number, as in `OBSTACLE_KINDS`.
     """
 
-    instance: Annotated[F64, Quantity("", "its number in the channel `instance`", _N, columns=_COUNT)]
-    kind: Annotated[U8, Quantity("", "what it is", _N)]
-    left: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
-    top: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
-    right: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
-    bottom: Annotated[F64, Quantity("", "edge of its box [px]", _N)]
-    area: Annotated[F64, Quantity("", "pixels that show it", _N)]
-    distance: Annotated[F64, Quantity("m", "of its nearest pixel, along the optical axis", _N)]
+    instance: Annotated[
+        F64, Quantity("", "its number in the channel `instance`", _N, columns=_COUNT, span=CODE16)
+    ]
+    kind: Annotated[U8, Quantity("", "what it is", _N, span=KIND)]
+    left: Annotated[F64, Quantity("", "edge of its box [px]", _N, span=PIXEL)]
+    top: Annotated[F64, Quantity("", "edge of its box [px]", _N, span=PIXEL)]
+    right: Annotated[F64, Quantity("", "edge of its box [px]", _N, span=PIXEL)]
+    bottom: Annotated[F64, Quantity("", "edge of its box [px]", _N, span=PIXEL)]
+    area: Annotated[F64, Quantity("", "pixels that show it", _N, span=PIXELS)]
+    distance: Annotated[F64, Quantity("m", "of its nearest pixel, along the optical axis", _N, span=SIGHT)]
 
 
 class Intrinsics(Protocol):

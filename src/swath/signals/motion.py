@@ -6,6 +6,7 @@ from typing import Annotated
 from swath.core.frames import Pose
 from swath.core.frozen import frozen
 from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
+from swath.signals.ranges import DIMENSIONLESS, FORCE, MEASURED_SPEED, PLACE, RATE, SPEED, STEEP, WAY
 
 
 def _position(axis: int) -> Callable[[Pose], float]:
@@ -59,31 +60,46 @@ class MachineState(Signal, about=About("world", _STATE, is_thinned=True, track_o
     pose: Annotated[
         Pose,
         Quantity(
-            "", "pose_world_machine, origin: centre of the fixed (front) axle, on the ground", columns=_POSE
+            "",
+            "pose_world_machine, origin: centre of the fixed (front) axle, on the ground",
+            columns=_POSE,
+            span=PLACE,
         ),
     ]
-    speed: Annotated[float, Quantity("m/s", "true forward speed", column="speed_m_s")]
-    lateral_speed: Annotated[float, Quantity("m/s", "true leftward speed", column="lateral_speed_m_s")]
-    yaw_rate: Annotated[float, Quantity("rad/s", "true yaw rate, > 0 left", column="yaw_rate_rad_s")]
+    speed: Annotated[float, Quantity("m/s", "true forward speed", column="speed_m_s", span=SPEED)]
+    lateral_speed: Annotated[
+        float, Quantity("m/s", "true leftward speed", column="lateral_speed_m_s", span=SPEED)
+    ]
+    yaw_rate: Annotated[
+        float, Quantity("rad/s", "true yaw rate, > 0 left", column="yaw_rate_rad_s", span=RATE)
+    ]
     steer_angle: Annotated[
         float,
         Quantity(
-            "rad", "equivalent single-wheel angle, > 0 turns left", nan="not known of a recorded machine"
+            "rad",
+            "equivalent single-wheel angle, > 0 turns left",
+            nan="not known of a recorded machine",
+            span=STEEP,
         ),
     ]
-    distance: Annotated[float, Quantity("m", "travelled path length", column="distance_m")]
+    distance: Annotated[float, Quantity("m", "travelled path length", column="distance_m", span=WAY)]
 
 
 @frozen
 class WheelState(Signal):
     """Truth about the driven wheels, of a motion level that is asked for it."""
 
-    speed: Annotated[float, Quantity("m/s", "of their rims, what a sensor at the axle counts")]
-    slip: Annotated[
-        float, Quantity("", "faster than the ground passes, share of its speed", column="wheel_slip")
+    speed: Annotated[
+        float, Quantity("m/s", "of their rims, what a sensor at the axle counts", span=MEASURED_SPEED)
     ]
-    traction: Annotated[float, Quantity("N", "that they pull, all together")]
-    load: Annotated[float, Quantity("N", "that presses them to the ground")]
+    slip: Annotated[
+        float,
+        Quantity(
+            "", "faster than the ground passes, share of its speed", column="wheel_slip", span=DIMENSIONLESS
+        ),
+    ]
+    traction: Annotated[float, Quantity("N", "that they pull, all together", span=FORCE)]
+    load: Annotated[float, Quantity("N", "that presses them to the ground", span=FORCE)]
 
 
 @frozen
@@ -96,7 +112,10 @@ class SteerState(
     angle: Annotated[
         float,
         Quantity(
-            "rad", "equivalent single-wheel angle of the steered axle, > 0 turns left", column="steer_rad"
+            "rad",
+            "equivalent single-wheel angle of the steered axle, > 0 turns left",
+            column="steer_rad",
+            span=STEEP,
         ),
     ]
-    rate: Annotated[float, Quantity("rad/s", "its rate")]
+    rate: Annotated[float, Quantity("rad/s", "its rate", span=RATE)]

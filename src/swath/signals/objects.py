@@ -6,8 +6,10 @@ from typing import Annotated
 import numpy as np
 
 from swath.core.frozen import frozen
-from swath.core.signal import SHARE, About, Message, Quantity, Signal, TrackColumn
+from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
 from swath.signals.arrays import F64, U8
+from swath.signals.obstacles import KIND
+from swath.signals.ranges import FAR, HEADING, MEASURED_SPEED, NUMBER, SHARE, SIZE, TOP
 
 _N = ("object_count",)
 _COUNT = (TrackColumn("object_count", "-", "objects that the machine knows of", lambda x: float(len(x))),)
@@ -24,19 +26,26 @@ class Objects(Signal, about=About(messages=_MESSAGES, seen_as="boxes in run.mcap
     Kinds by number, as in `OBSTACLE_KINDS`; 0 where a level reports none.
     """
 
-    number: Annotated[F64, Quantity("", "the same as long as it is followed", _N)]
-    kind: Annotated[U8, Quantity("", "what it is", _N)]
-    x: Annotated[F64, Quantity("m", "of the middle of its box", _N, columns=_COUNT)]
-    y: Annotated[F64, Quantity("m", "of the middle of its box", _N)]
-    heading: Annotated[F64, Quantity("rad", "of its length against the x axis, > 0 left", _N)]
-    length: Annotated[F64, Quantity("m", "of its box", _N)]
-    width: Annotated[F64, Quantity("m", "of its box", _N)]
-    top: Annotated[F64, Quantity("m", "of its box above the ground under the fixed axle", _N)]
-    velocity_x: Annotated[F64, Quantity("m/s", "over ground, along the x axis of the machine", _N)]
-    velocity_y: Annotated[F64, Quantity("m/s", "over ground, along the y axis of the machine", _N)]
+    number: Annotated[F64, Quantity("", "the same as long as it is followed", _N, span=NUMBER)]
+    kind: Annotated[U8, Quantity("", "what it is", _N, span=KIND)]
+    x: Annotated[F64, Quantity("m", "of the middle of its box", _N, columns=_COUNT, span=FAR)]
+    y: Annotated[F64, Quantity("m", "of the middle of its box", _N, span=FAR)]
+    heading: Annotated[F64, Quantity("rad", "of its length against the x axis, > 0 left", _N, span=HEADING)]
+    length: Annotated[F64, Quantity("m", "of its box", _N, span=SIZE)]
+    width: Annotated[F64, Quantity("m", "of its box", _N, span=SIZE)]
+    top: Annotated[F64, Quantity("m", "of its box above the ground under the fixed axle", _N, span=TOP)]
+    velocity_x: Annotated[
+        F64, Quantity("m/s", "over ground, along the x axis of the machine", _N, span=MEASURED_SPEED)
+    ]
+    velocity_y: Annotated[
+        F64, Quantity("m/s", "over ground, along the y axis of the machine", _N, span=MEASURED_SPEED)
+    ]
     confidence: Annotated[F64, Quantity("", "probability that there is something, 0..1", _N, span=SHARE)]
     hidden: Annotated[
-        F64, Quantity("", "share of it that crop and other things hide from the sensor", _N, "not known")
+        F64,
+        Quantity(
+            "", "share of it that crop and other things hide from the sensor", _N, "not known", span=SHARE
+        ),
     ]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from swath.core.frozen import frozen
 from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
 from swath.signals.arrays import F64
+from swath.signals.ranges import ANGLE, DEVIATION, HEADING, MEASURED_SPEED, RECEIVED, SIGHT
 from swath.signals.scan import beam_directions
 
 _N = ("target_count",)
@@ -36,18 +37,28 @@ class RadarTargets(
     Radial speeds are those that the radar measures: against itself, its own motion is in them.
     """
 
-    range: Annotated[F64, Quantity("m", "measured distance", _N, columns=_COUNT)]
-    azimuth: Annotated[F64, Quantity("rad", "from the x axis of the sensor, > 0 left", _N)]
-    elevation: Annotated[F64, Quantity("rad", "above its x-y plane", _N, "the radar does not measure it")]
-    radial_speed: Annotated[F64, Quantity("m/s", "change of the distance, > 0 goes away", _N, "not reported")]
+    range: Annotated[F64, Quantity("m", "measured distance", _N, columns=_COUNT, span=SIGHT)]
+    azimuth: Annotated[F64, Quantity("rad", "from the x axis of the sensor, > 0 left", _N, span=HEADING)]
+    elevation: Annotated[
+        F64, Quantity("rad", "above its x-y plane", _N, "the radar does not measure it", span=ANGLE)
+    ]
+    radial_speed: Annotated[
+        F64, Quantity("m/s", "change of the distance, > 0 goes away", _N, "not reported", span=MEASURED_SPEED)
+    ]
     rcs: Annotated[
         F64,
-        Quantity("", "radar cross section as from the echo's power, 10 lg of m2 [dBsm]", _N, "not reported"),
+        Quantity(
+            "",
+            "radar cross section as from the echo's power, 10 lg of m2 [dBsm]",
+            _N,
+            "not reported",
+            span=RECEIVED,
+        ),
     ]
-    snr: Annotated[F64, Quantity("", "signal to noise [dB]", _N, "not known")]
-    range_sd: Annotated[F64, Quantity("m", "1 sigma", _N, "not known")]
-    azimuth_sd: Annotated[F64, Quantity("rad", "1 sigma", _N, "not known")]
-    speed_sd: Annotated[F64, Quantity("m/s", "1 sigma of the radial speed", _N, "not known")]
+    snr: Annotated[F64, Quantity("", "signal to noise [dB]", _N, "not known", span=RECEIVED)]
+    range_sd: Annotated[F64, Quantity("m", "1 sigma", _N, "not known", span=DEVIATION)]
+    azimuth_sd: Annotated[F64, Quantity("rad", "1 sigma", _N, "not known", span=DEVIATION)]
+    speed_sd: Annotated[F64, Quantity("m/s", "1 sigma of the radial speed", _N, "not known", span=DEVIATION)]
 
     def points(self) -> F64:
         """Detections in the sensor frame [m], (target_count, 3); in its plane where no elevation is known."""

@@ -5,8 +5,9 @@ from typing import Annotated
 import numpy as np
 
 from swath.core.frozen import frozen
-from swath.core.signal import SHARE, About, Message, Quantity, Signal
+from swath.core.signal import About, Message, Quantity, Signal
 from swath.signals.arrays import F32, F64
+from swath.signals.ranges import ANGLE, CODE16, HEADING, PLACE, RECEIVED, SHARE, SIGHT, SWEEP
 
 _SCAN = (
     Message("sensor_msgs/LaserScan", "first echoes of one plane at even angles"),
@@ -25,10 +26,16 @@ class Scan(Signal, about=About("sensor", _SCAN, is_bulky=True, seen_as="figure `
     The nominal direction of a beam is (cos e cos a, cos e sin a, sin e) with its elevation e and azimuth a.
     """
 
-    beam_t: Annotated[F64, Quantity("s", "time of each beam relative to t, <= 0", ("beam_count",))]
-    azimuth: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",), "the beam says nothing")]
-    elevation: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",))]
-    ranges: Annotated[F32, Quantity("m", "measured distance", ("beam_count", "echo_count"), "no echo")]
+    beam_t: Annotated[
+        F64, Quantity("s", "time of each beam relative to t, <= 0", ("beam_count",), span=SWEEP)
+    ]
+    azimuth: Annotated[
+        F64, Quantity("rad", "nominal beam angle", ("beam_count",), "the beam says nothing", span=HEADING)
+    ]
+    elevation: Annotated[F64, Quantity("rad", "nominal beam angle", ("beam_count",), span=ANGLE)]
+    ranges: Annotated[
+        F32, Quantity("m", "measured distance", ("beam_count", "echo_count"), "no echo", span=SIGHT)
+    ]
     intensity: Annotated[
         F32,
         Quantity(
@@ -36,6 +43,7 @@ class Scan(Signal, about=About("sensor", _SCAN, is_bulky=True, seen_as="figure `
             "received, relative to a white diffuse target that fills the spot at the same range",
             ("beam_count", "echo_count"),
             "no echo",
+            span=RECEIVED,
         ),
     ]
 
@@ -60,9 +68,11 @@ class ScanTruth(
 ):
     """What a simulated scan really hit, for metrics and pictures only."""
 
-    points: Annotated[F64, Quantity("m", "where the echoes lie", ("beam_count", "echo_count", 3), "no echo")]
+    points: Annotated[
+        F64, Quantity("m", "where the echoes lie", ("beam_count", "echo_count", 3), "no echo", span=PLACE)
+    ]
     sensor_position: Annotated[
-        F64, Quantity("m", "sensor at the time of each beam", ("beam_count", 3), "not recorded")
+        F64, Quantity("m", "sensor at the time of each beam", ("beam_count", 3), "not recorded", span=PLACE)
     ]
 
 
@@ -89,7 +99,7 @@ class WindowState(Signal, about=About("sensor", _WINDOW)):
             column="window_transmission",
         ),
     ]
-    sector: Annotated[int, Quantity("", "the dirtiest one, 0 = at the first azimuth")]
+    sector: Annotated[int, Quantity("", "the dirtiest one, 0 = at the first azimuth", span=CODE16)]
 
 
 def beam_directions(azimuth: F64, elevation: F64) -> F64:

@@ -92,7 +92,7 @@ class AirShoe(Shoe):
     def _shares(self, flow: float, mog: float, h: float, inputs: Inputs) -> Shares:
         p, s, crop = self._p, self._set.over_own(inputs, h), self._set.crop
         load = shoe_load(flow, self._c, inputs["state"])
-        light = load * (mog / self._mog) * (self._c.flow / flow) if flow > 0.0 else 0.0
+        light = load * (max(mog, 0.0) / self._mog) * (self._c.flow / flow) if flow > 0.0 else 0.0
         fan = s["fan"] * ratio_of(inputs)
         wider = (s["upper"] - 1.0) * self._set.own["upper"] / MM
         faster = crop.air * (fan * (1.0 - p.pressure_percent_mm * PERCENT * wider) - 1.0)  # [m/s]

@@ -201,7 +201,9 @@ class Rotors(Organ):
         )
         unthreshed, lost, dropped, leaving = out
         if leaving > 0.0:
-            self._loss_share = min((unthreshed + lost) / leaving, 1.0)  # drum and stream may not agree
+            self._loss_share = min(
+                max((unthreshed + lost) / leaving, 0.0), 1.0
+            )  # drum and stream may not agree
         if entering.free > 0.0:
             self._broken = entering.broken / entering.free
         broken = min(self._broken * p.broken, 1.0)

@@ -209,7 +209,9 @@ class CountedCropFlow(DelayedCropFlow):
         heard = load.straw_flow * self._p.loss_straw_percent * PERCENT
         losses = [rotors + heard, shoe + heard]
         if per_kg > 0.0:
-            losses = (self._hits.at(t).poisson([loss * per_kg for loss in losses]) / per_kg).tolist()
+            losses = (
+                self._hits.at(t).poisson([max(loss, 0.0) * per_kg for loss in losses]) / per_kg
+            ).tolist()
         organs = inputs.get("organs") or OrganLoads(0)
         return [*other, *losses, load.return_flow, organs.broken_share, organs.mog_share]
 
