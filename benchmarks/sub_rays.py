@@ -19,12 +19,12 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.number_text import num
 from swath.core.random import Stream
 from swath.field.field import Field
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.sensing.lidar.plants import PlantsLidar
 from swath.signals import F64, MachineState, ScanTruth
-from swath.terminal.tables import number
 from swath.terminal.tables import table as print_table
 from swath.tools.distributions import wasserstein1
 from swath.tools.scan.scan import drive_to_scan
@@ -227,7 +227,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, metavar="FILE.csv", help="the table as a file too")
     args = parser.parse_args()
     rows, result = study(load_scenario(args.scenario, sets=args.sets, flags={}), at_s=args.at)
-    print_table("", list(rows[0]), [[number(v) for v in row.values()] for row in rows])
+    print_table("", list(rows[0]), [[num(v) for v in row.values()] for row in rows])
     print(result)
     if args.out is not None:
         args.out.parent.mkdir(parents=True, exist_ok=True)

@@ -19,7 +19,7 @@ class SteeringReversals:
     SIGNALS = (MachineState, SteerState)
     METRICS = (
         Metric("steering_reversals_per_100_m", "1/100 m", "reversals of the steered axle, after settling",
-               "Comfort", "lower", "steering reversals", decimals=1),
+               "Comfort", "lower", "steering reversals"),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:

@@ -2,11 +2,13 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ import pytest
 import swath
 from swath.commands.main import main
 from swath.scenario.scenario import load_scenario
+from swath.terminal import tables
 from swath.terminal.outcome import print_outcome
 from swath.terminal.tables import table
 
@@ -169,13 +172,70 @@ def test_what_is_read_in_a_terminal_fits_it(command, capsys, monkeypatch):
     assert 0 < max(map(len, capsys.readouterr().out.splitlines())) <= 80
 
 
-def test_a_narrow_table_wraps_between_words(capsys, monkeypatch):
-    rows = [("a name of two", "one", "-0.000912926"), ("b", "detection_availability and more of it", "1")]
-    for columns in (60, 55):
-        monkeypatch.setenv("COLUMNS", str(columns))
-        table("", ("metric", "what it is", "value"), rows)
-        words = capsys.readouterr().out.split()
-        assert {"detection_availability", "-0.000912926", "metric"} <= set(words), columns
+@pytest.mark.parametrize("columns", [60, 80, 100])
+def test_drawn_tables_break_between_words_and_at_dots(columns, capsys, monkeypatch):
+    """Words, keys, paths, numbers and sentences; what is longer than the terminal is the only way past it."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    rng, blocks, broken_keys = Random(columns), 0, 0
+
+    def word():
+        return "".join(rng.choices("abcdefgh_", k=rng.randint(2, 14)))
+
+    def cell():
+        key, way = (between.join(word() for _ in range(rng.randint(2, 5))) for between in (".", "/"))
+        number = f"{rng.uniform(-1e6, 1e6):,.3f}".replace(",", " ")
+        return rng.choice([key, way, number, word(), "", " ".join(word() for _ in range(rng.randint(1, 12)))])
+
+    for _ in range(60):
+        heads = [word() for _ in range(rng.randint(1, 7))]
+        rows = [[cell() for _ in heads] for _ in range(rng.randint(1, 5))]
+        table("", heads, rows)
+        lines = capsys.readouterr().out.splitlines()
+        shown = {piece for line in lines for piece in re.split(r" {2,}", line.strip())}
+        words = {w for piece in shown for w in (piece, *tables.BLANK.split(piece))}
+        is_table = "─" in "".join(lines)  # else each cell is a line, behind its column's name
+        for text in (text for row in (heads * is_table, *rows) for text in row):
+            for whole in tables.BLANK.split(text):
+                assert whole in words or all(piece in words for piece in run_of(whole, words)), (whole, lines)
+                broken_keys += whole not in words
+        blocks += not is_table
+        assert max(map(len, lines)) <= max(columns, max(map(len, heads)) + 2 + 14)
+    assert broken_keys > 10
+    assert 0 < blocks < 60 or columns == 100
+
+
+def run_of(whole, words):
+    """The pieces that a word was broken into: as long ones as there are, each behind a dot, `/` or `,`."""
+    pieces, made = tables.INSIDE.split(whole), []
+    while pieces:
+        ends = [n for n in range(len(pieces), 0, -1) if "".join(pieces[:n]) in words] or [len(pieces)]
+        made.append("".join(pieces[: ends[0]]))
+        pieces = pieces[ends[0] :]
+    return made
+
+
+@pytest.mark.parametrize("columns", [60, 80, 100])
+def test_tables_of_commands_break_between_words_and_at_dots(columns, capsys, monkeypatch):
+    """Those that need no run; every table goes through the same place."""
+    monkeypatch.setenv("COLUMNS", str(columns))
+    widths, printed, walked = tables._widths, [], []
+    monkeypatch.setattr(tables, "_widths", lambda *told: printed.append(told[:2]) or widths(*told))
+    for command in ("levels", "levels edge", "levels lidar", "metrics", "metrics lateral_rms_m", "scenarios",
+                    "sheets", "docs", "test list waves"):  # fmt: skip
+        with suppress(SystemExit):
+            main(command.split())
+        lines = capsys.readouterr().out.splitlines()
+        parts = [part for line in lines for part in re.split(r" {2,}", line.strip())]
+        words = {w for part in parts for w in (part, *tables.BLANK.split(part))}
+        for heads, rows in printed:
+            for text in (str(text) for row in (heads, *rows) for text in row):
+                for whole in tables.BLANK.split(text.strip()):
+                    assert whole in words or all(p in words for p in run_of(whole, words)), (command, whole)
+        assert not printed or max(map(len, lines)) <= columns, command
+        walked += [len(rows) for _, rows in printed]
+        printed.clear()
+    print(f"{len(walked)} tables, {sum(walked)} rows")
+    assert len(walked) >= 9
 
 
 def test_a_run_shows_a_metric_once_and_what_fails_first(capsys):

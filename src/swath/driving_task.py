@@ -14,6 +14,7 @@ from swath.control.settings.fixed import PRESETS, UNITS
 from swath.core.abilities import HasRange
 from swath.core.component import Port
 from swath.core.errors import Extra, InputError, SwathError
+from swath.core.number_text import num
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
@@ -268,7 +269,7 @@ class Task:
         if not self._has_warned and (far := float(np.abs(values - cut).max())) > OUTSIDE:
             self._has_warned = True
             logger.warn(
-                f"an action lies {far:.3g} outside its space, -1 to 1, and is cut, as all such from now on: "
+                f"an action lies {num(far)} outside its space, -1 to 1, and is cut, as all such from now on: "
                 "gymnasium.wrappers.ClipAction says that this is meant, RescaleAction maps another range"
             )
         return cut

@@ -71,7 +71,7 @@ def test_a_bad_clock_costs_the_clock_not_the_rows(tmp_path):
     path = made_exports.sms(tmp_path / "log.txt", clock="??")
     log = read_log(path)
     assert len(log) == len(MadeLog(passes=6).rows)
-    assert any(note.startswith("clock: not used: 1,140 of 1,140") for note in log.notes), log.notes
+    assert any(note.startswith("clock: not used: 1 140 of 1 140") for note in log.notes), log.notes
     text = path.read_text().splitlines()
     good = made_exports.sms(tmp_path / "log.txt").read_text().splitlines()
     some = tmp_path / "some.txt"

@@ -196,7 +196,7 @@ def test_a_dem_is_taken_as_it_is(tmp_path):
     assert report.terrain["source"] == "DEM dem.tif"
     far = Raster(np.ones((50, 50), np.float32), EAST + 9000.0, NORTH, 2.0)
     far.to_geotiff(tmp_path / "far.tif", EPSG)
-    with pytest.raises(InputError, match=r"place = 0%.*far\.tif"):
+    with pytest.raises(InputError, match=r"place = 0 %.*far\.tif"):
         import_log(log, tmp_path / "g", dem=tmp_path / "far.tif", columns=tmp_path / "m.yaml", progress=False)
     assert not (tmp_path / "g").exists()
 

@@ -24,7 +24,7 @@ def box(x0, x1, y0, y1):
     return ORIGIN.to_lon_lat(ring).tolist()
 
 
-HOME, POND, BESIDE = box(0, 200, 0, 150), box(50, 90, 30, 80), box(300, 380, 0, 150)  # 3.00, 0.20, 1.20 ha
+HOME, POND, BESIDE = box(0, 200, 0, 150), box(50, 90, 30, 80), box(300, 380, 0, 150)  # 3.00, 0.20, 1.2 ha
 ISLET, TOUCHING, INNER = box(60, 70, 40, 60), box(200, 260, 0, 150), box(10, 190, 10, 140)  # 0.02, 0.90, 2.34
 WORKED = box(100, 109, 0, 150), box(110, 119, 0, 150)  # 0.27 ha
 ZONES = [box(50 * k, 50 * k + 50, 0, 150) for k in range(4)]
@@ -97,13 +97,13 @@ def clockwise(ring):
 CASES = {  # file, area in ha, what the user is told
     "KML, one within another as AgOpenGPS writes it": (
         lambda f: kml(f / "a.kml", kml_polygon(HOME), kml_polygon(POND)), 2.80,
-        "0.20 ha within the field is an island"
+        "0.2 ha within the field is an island"
     ),
     "KML, inner boundary": (lambda f: kml(f / "a.kml", kml_polygon(HOME, POND)), 2.80, ""),
     "KML, two islands and ground in one": (
         lambda f: kml(f / "a.kml", *map(kml_polygon, (ISLET, HOME, POND, box(100, 120, 30, 80)))),
         2.70,
-        "2 areas of 0.30 ha within the field are islands without crop unused: the field of 2.70 ha is taken",
+        "2 areas of 0.3 ha within the field are islands without crop unused: the field of 2.7 ha is taken",
     ),
     "KML, worked ground in a folder of its own": (
         lambda f: kml(f / "a.kml", f"<Folder>{kml_polygon(HOME)}{kml_polygon(POND)}</Folder>",
@@ -112,16 +112,16 @@ CASES = {  # file, area in ha, what the user is told
     ),
     "KML, two fields": (
         lambda f: kml(f / "a.kml", kml_polygon(HOME, name="Hill"), kml_polygon(BESIDE, name="Dale")),
-        3.00, "the field 'Hill' of 3.00 ha is taken, another area of 1.20 ha is left out: 'Dale'",
+        3.00, "the field 'Hill' of 3 ha is taken, another area of 1.2 ha is left out: 'Dale'",
     ),
     "KML, a field to a folder": (
         lambda f: kml(f / "a.kml",
         f"<Folder>{kml_polygon(BESIDE)}</Folder><Folder>{kml_polygon(HOME)}</Folder>"),
-        3.00, "another area of 1.20 ha is left out",
+        3.00, "another area of 1.2 ha is left out",
     ),
     "KMZ, two fields and an island": (
         lambda f: kml(f / "a.kmz", *map(kml_polygon, (HOME, POND, BESIDE))), 2.80,
-        "another area of 1.20 ha is left out"
+        "another area of 1.2 ha is left out"
     ),
     "KML with blanks after commas, not closed": (
         lambda f: (f / "a.kml").write_text(
@@ -130,7 +130,7 @@ CASES = {  # file, area in ha, what the user is told
             + "</coordinates></LinearRing></outerBoundaryIs></Polygon></kml>") and f / "a.kml", 3.00, "",
     ),
     "GeoJSON, MultiPolygon": (lambda f: multi(f / "a.geojson", [HOME], [BESIDE]), 3.00,
-        "1.20 ha is left out"),
+        "1.2 ha is left out"),
     "GeoJSON, hole": (lambda f: geojson(f / "a.geojson", [HOME, clockwise(POND)]), 2.80, ""),
     "GeoJSON, one within another": (lambda f: geojson(f / "a.geojson", [POND], [HOME]), 2.80, "is an island"),
     "GeoJSON, a field in the hole of another": (
@@ -148,12 +148,12 @@ CASES = {  # file, area in ha, what the user is told
     ),
     "GeoJSON, two that touch": (
         lambda f: geojson(f / "a.geojson", [HOME], [TOUCHING]), 3.90,
-        "2 polygons that touch are one field (3.00 + 0.90 ha)"
+        "2 polygons that touch are one field (3 + 0.9 ha)"
     ),
     "GeoJSON, three fields by name": (
         lambda f: geojson(f / "a.geojson", [BESIDE], [HOME], [box(500, 600, 0, 100)], names=("Dale",
         "Hill", "Moor")),
-        3.00, "the field 'Hill' of 3.00 ha is taken, 2 other areas of 2.20 ha are left out",
+        3.00, "the field 'Hill' of 3 ha is taken, 2 other areas of 2.2 ha are left out",
     ),
     "GeoJSON, GeometryCollection": (
         lambda f: (f / "a.geojson").write_text(json.dumps({"type": "GeometryCollection", "geometries": [
@@ -169,13 +169,13 @@ CASES = {  # file, area in ha, what the user is told
     "shapefile, all rings one way": (lambda f: shape(f / "a.shp", [HOME, POND]), 2.80, ""),
     "shapefile, hole before its field": (lambda f: shape(f / "a.shp", [POND, clockwise(HOME)]), 2.80, ""),
     "shapefile, two parts in one record": (
-        lambda f: shape(f / "a.shp", [clockwise(HOME), clockwise(BESIDE)]), 3.00, "1.20 ha is left out"
+        lambda f: shape(f / "a.shp", [clockwise(HOME), clockwise(BESIDE)]), 3.00, "1.2 ha is left out"
     ),
     "shapefile, two records, one within the other": (
         lambda f: shape(f / "a.shp", [clockwise(HOME)], [clockwise(POND)]), 2.80, "is an island"
     ),
     "shapefile, two fields": (
-        lambda f: shape(f / "a.shp", [clockwise(BESIDE)], [clockwise(HOME)]), 3.00, "1.20 ha is left out"
+        lambda f: shape(f / "a.shp", [clockwise(BESIDE)], [clockwise(HOME)]), 3.00, "1.2 ha is left out"
     ),
 }  # fmt: skip
 
@@ -195,7 +195,7 @@ def test_records_say_which_field_is_meant(tmp_path):
     places = np.array([[east + 340.0, north + 10.0 * k] for k in range(12)])
     polygon, notes = found.field(places)
     assert polygon.area / 1e4 == pytest.approx(1.20, rel=2e-3)
-    assert "another area of 3.00 ha is left out" in " ".join(notes)
+    assert "another area of 3 ha is left out" in " ".join(notes)
 
 
 @pytest.mark.parametrize("suffix", [".kml", ".kmz", ".geojson"])
@@ -302,7 +302,7 @@ def test_an_outline_alone_says_where_it_crosses_itself_and_draws_no_records(tmp_
     line = ["field", "import", str(path), "--header-width-m", "9"]
     assert main([*line, "--out", str(tmp_path / "out")]) == 0
     told = capsys.readouterr()
-    assert "an outline crosses itself at 598998, 5793307" in told.out
+    assert "an outline crosses itself at 598 998, 5 793 307" in told.out
     assert "function test" not in told.out
     assert len(drawn) == 2
     path.write_text("{")

@@ -88,7 +88,7 @@ def test_what_lies_in_a_field_bears_crop_or_not_by_its_type(tmp_path, kind):
     data = plan(tmp_path / "a", polygon(1, *FIELD) + polygon(kind, 50, 100, 90, 150))
     found, notes = area(data)
     assert found == pytest.approx(5.8 if role == "bare" else 6.0, rel=1e-3)
-    assert any(f"{name} 0.20 ha" in note for note in notes) == (role == "bare")
+    assert any(f"{name} 0.2 ha" in note for note in notes) == (role == "bare")
     data = plan(tmp_path / "b", polygon(kind, 210, 0, 310, 300) + polygon(1, *FIELD))
     found, notes = area(data)
     assert found == pytest.approx(6.0, rel=1e-3)
@@ -104,7 +104,7 @@ def test_shapes_of_polygons(tmp_path):
     road = polygon(5, -5, 100, 205, 110) + polygon(1, *FIELD)
     found, notes = area(plan(tmp_path / "c", road))
     assert found == pytest.approx(200 * 190 / 1e4, rel=1e-3)
-    assert "unused: the field of 3.80 ha is taken, another area of 2.00 ha is left out" in notes
+    assert "unused: the field of 3.8 ha is taken, another area of 2 ha is left out" in notes
     parts = polygon(9, 20, 20, 180, 280) + polygon(10, *FIELD, inner=(20, 20, 180, 280))
     found, notes = area(plan(tmp_path / "d", parts))
     assert found == pytest.approx(6.0, rel=1e-3)
@@ -223,7 +223,7 @@ def test_condensed_work_states_say_which_sections_work(tmp_path, logs_width):
     channels = [*GRAIN, (161, "DET-2", low), (162, "DET-2", high), *([WIDTH] if logs_width else [])]
     log = read_log(task_data(harvest(tmp_path, channels), device=ROWS))
     np.testing.assert_allclose(log.width, np.where(np.arange(len(log)) < 200, 9.0, 6.0))
-    assert any("sections at work, 67%" in note for note in log.notes)
+    assert any("sections at work, 66.7 %" in note for note in log.notes)
 
 
 def test_flows_of_sections_add_up_and_moistures_do_not(tmp_path):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swath.core.number_text import num
 from swath.fleet.driven import driven
 from swath.fleet.report import (
     NEAR,
@@ -92,7 +93,7 @@ def test_ways_are_those_of_the_paths_and_litres_are_of_a_combine_harvest(level, 
 
 def test_contact_of_driven_bodies_is_printed_and_is_what_another_look_finds(done):
     w = done["driven"]
-    assert ("machines over each other", "0.0", "s") in result_rows(w)
+    assert ("machines over each other", "0", "s") in result_rows(w)
     assert to_dict(w)["contact_s"] == {}
     assert to_dict(done["events"])["contact_s"] is None
     a, b, *_ = w.places
@@ -193,4 +194,4 @@ def test_a_job_far_over_its_bound_says_what_waits_longest(times, is_told, done):
     if is_told:
         longest = max((minutes, name) for name in w.spans for minutes in w.waited(name).values())
         assert f"{times} times" in notes[0]
-        assert f"the longest wait: {longest[1]}, {longest[0]:.0f} min" in notes[0]
+        assert f"the longest wait: {longest[1]}, {num(longest[0])} min" in notes[0]

@@ -194,8 +194,8 @@ def test_lines_that_cover_a_field_are_its_passes_in_their_order(tmp_path):
 @pytest.mark.parametrize(
     ("rows", "more", "said"),
     [
-        ([6.0, 18.0], (), "they cover 33 % of the field"),
-        ([6.0, 18.0, 30.0, 42.0], ([(0, 54), (100, 58), (200, 54)],), "line 5 bends by 4.0 m"),
+        ([6.0, 18.0], (), "they cover 33.3 % of the field"),
+        ([6.0, 18.0, 30.0, 42.0], ([(0, 54), (100, 58), (200, 54)],), "line 5 bends by 4 m"),
     ],
 )
 def test_lines_that_are_no_plan_say_the_direction_alone(tmp_path, rows, more, said):

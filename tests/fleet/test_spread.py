@@ -78,6 +78,6 @@ def test_the_command_says_the_range_and_which_draws_are_refused(tmp_path, capsys
     assert main(arguments) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert asked == [("small-field", 5.0, out)]
-    assert "0.500 to 1.000, mean 0.750" in said
+    assert "0.5 to 1, mean 0.75" in said
     assert "a draw of the spread is refused: x: no" in said
     assert json.loads((out / "results.json").read_text())["draws_s"] == [1800.0, 3600.0]

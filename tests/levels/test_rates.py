@@ -51,7 +51,7 @@ def test_a_rate_is_told_in_the_number_that_was_typed():
     )
     assert driven.startswith("combine.lidar.rate_hz: 30 Hz runs at 30.03 Hz")
     [motion] = rates_told("motion.rate_hz=300")
-    assert motion.startswith("combine.motion.rate_hz: 300 Hz runs at 303.03 Hz")
+    assert motion.startswith("combine.motion.rate_hz: 300 Hz runs at 303 Hz")
     assert rates_told("lidar.rate_hz=100") == []
 
 

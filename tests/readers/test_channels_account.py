@@ -67,7 +67,7 @@ def test_objects_that_the_head_counts_and_that_are_not_there_are_told(tmp_path):
     assert struct.unpack_from("<L", data, at)[0] == 3 * COUNT
     struct.pack_into("<L", data, at, 4 * COUNT)
     path.write_bytes(data)
-    assert read(path).notes == ["lost: 1,200 objects are stated, 900 are there (300)"]
+    assert read(path).notes == ["lost: 1 200 objects are stated, 900 are there (300)"]
 
 
 def test_events_that_are_no_frames_are_no_doubt(tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from swath.core.number_text import num
 from swath.machine.process.constant import LEVEL as CONSTANT
 from swath.report.flow import THIN, FlowSampler, flow_figure
 from tests.fake_run import machine
@@ -47,7 +48,7 @@ def test_bands_are_as_wide_as_the_masses(share):
     assert (straw + chaff) / point == pytest.approx(load.dropped_straw, rel=1e-6)
     assert tank / point == pytest.approx(load.tank_gain + found.tank_mog, rel=1e-6)
     said = [text.get_text() for text in fig.axes[0].texts]
-    assert f"tank {load.tank_gain + found.tank_mog:,.0f} kg" in said
+    assert f"tank {num(load.tank_gain + found.tank_mog)} kg" in said
     assert len([text for text in said if text.endswith("of the grain")]) == 3
 
 

@@ -77,5 +77,5 @@ def test_boxes_lie_where_the_camera_says(channel):
     assert ax.images[0].get_array().shape[:2] == SIZE[::-1]
     (box,) = ax.patches
     assert box.get_bbox().extents.tolist() == [5.0, 6.0, 15.0, 26.0]
-    assert ax.texts[0].get_text() == "person, 8.2 m"
-    assert ax.get_title(loc="left") == "3.0 m, 1.0 s"
+    assert ax.texts[0].get_text() == "person, 8.25 m"
+    assert ax.get_title(loc="left") == "3 m, 1 s"

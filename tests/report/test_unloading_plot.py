@@ -64,7 +64,7 @@ def test_the_picture_shows_grain_station_and_spill():
     assert np.asarray(mesh.get_array()).ravel() == pytest.approx(series.heaps["cart"].profile.T.ravel())
     assert {line.get_label() for line in station.lines} == {"along", "across"}
     assert station.lines[0].get_ydata() == pytest.approx(100.0 * AHEAD)
-    assert fill.get_title(loc="right") == "missed the box in all: 3.0 kg"
+    assert fill.get_title(loc="right") == "missed the box in all: 3 kg"
 
 
 def test_the_report_of_a_run_has_it():

@@ -91,8 +91,8 @@ def test_a_glb_read_by_pygltflib_names_every_part_and_is_as_large_as_it_said(wor
     assert {read.materials[p.material].name for m in read.meshes for p in m.primitives} == set(names)
     accessors = {m.name: read.accessors[m.primitives[0].indices].count // 3 for m in read.meshes}
     listed = next(line for line in said if line.startswith("plants")).partition("triangles: ")[2]
-    told = dict(part.rsplit(" ", 1) for part in listed.split(", "))
-    assert {name: accessors[name] for name in told} == {k: int(v.replace(",", "")) for k, v in told.items()}
+    told = dict(part.split(" ", 1) for part in listed.split(", "))
+    assert {name: accessors[name] for name in told} == {k: int(v.replace(" ", "")) for k, v in told.items()}
     size = float(numbers(said, "size")[2]) * 1e6
     assert abs(file.stat().st_size - size) < 0.03 * size + 30e3  # and the picture of the ground
     (image,) = read.images
@@ -232,7 +232,7 @@ def test_a_survey_read_by_laspy_meets_ground_crop_and_things_where_they_are(worl
     laspy = pytest.importorskip("laspy", reason="extra las")
     (file,), said = taken(world, "las", tmp_path / "survey.las")
     las = laspy.read(file)
-    assert len(las.points) == 40 * SIDE**2 == int(numbers(said, "survey")[1].replace(",", ""))
+    assert len(las.points) == 40 * SIDE**2 == int("".join(numbers(said, "survey")[1:3]))
     assert abs(file.stat().st_size - float(numbers(said, "size")[2]) * 1e6) < 0.06e6
     points = np.stack([las.x, las.y, las.z], axis=1)
     kind = np.asarray(las.classification)

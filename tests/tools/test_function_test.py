@@ -203,9 +203,9 @@ def test_candidates_are_ranked_by_what_passes_and_then_by_their_error(case_file)
     rows = ranking(cells)
     assert [row[1] for row in rows] == ["near", "far", "bad"]
     assert [row[2] for row in rows] == ["10 of 10", "10 of 10", "5 of 10"]
-    assert rows[0][3] == "1.5 cm (1.2 to 1.7)"
-    beside = "10 pairs cannot exclude harm in 30 % of runs, worst tenth -2.0 cm"
-    assert rows[0][5] == f"-2.0 cm (-2.0 to -2.0); {beside}"
+    assert rows[0][3] == "0.0145 m (0.0123 to 0.0167)"
+    beside = "10 pairs cannot exclude harm in 30 % of runs, worst tenth -0.02 m"
+    assert rows[0][5] == f"-0.02 m (-0.02 to -0.02); {beside}"
     assert rows[1][5] == ""
     assert rows[2][7:] == ["5 %", "5 of 10", "80 us"]
     assert all(len(row) == len(HEAD) for row in rows)

@@ -151,9 +151,7 @@ def test_numbers_are_told_in_the_unit_of_their_label():
     row = comparison_rows([CaseComparison(CaseHeights(CASE, {}), np.zeros(0), (made,))])[0]
     told = dict(zip(HEAD, row, strict=True))
     for n in RATED:
-        label = LABELS[n][0]
-        shown = float(told[label].replace("−", "-")) * (0.01 if label.endswith(" cm") else 1.0)
-        assert shown == pytest.approx(value[n], abs=0.006)
+        assert float(told[LABELS[n]]) == pytest.approx(value[n], rel=0.005)
 
 
 def test_too_few_returns_are_not_compared():

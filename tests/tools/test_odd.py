@@ -601,7 +601,7 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
     assert page.count("2 is less than 9; the run ended at 3.00 s: combine.speed: no crop edge seen") == 5
     assert '<td class="word">edge_lost</td><td class="n">5</td><td class="n">0</td>' in page
     cells = "</td><td".join(
-        ('"word">combine.distance_m', ' class="n">5', ' class="n">3 to 21 %', ' class="n">5')
+        ('"word">combine.distance_m', ' class="n">5', ' class="n">3.13 to 20.7 %', ' class="n">5')
     )
     assert cells in page  # 5 of 53 by both tails of the binomial
     assert "swath test run --odd out/campaign.odd.yaml --runs 60 --out DIR" in page

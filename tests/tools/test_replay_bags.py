@@ -172,7 +172,7 @@ def test_poses_above_the_ground_are_seen_where_no_frame_says_so(tmp_path):
     links = [("base_link", "laser", Pose.from_euler((0.0, 0.0, 2.2)))]
     path = heading_for_a_wall(tmp_path / "bag", times, links=links)
     notes = build_height_map(open_source(path, Wanted()), Settings(reach_m=6.0)).about["notes"]
-    assert [note for note in notes if "lowest echoes lie 0.30 m below the ground" in note]
+    assert [note for note in notes if "lowest echoes lie 0.3 m below the ground" in note]
 
 
 def test_an_antenna_by_its_link(tmp_path):

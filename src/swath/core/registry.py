@@ -28,6 +28,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import USER_MODULE, is_left, load_python, refusal
+from swath.core.number_text import span
 
 GROUP, OWN = "swath.levels", "swath"  # of entry points; the package whose own come first
 
@@ -49,7 +50,7 @@ class Checked:
     @property
     def span(self) -> str:
         """`0 to 20`."""
-        return f"{self.low:g}" if self.low == self.high else f"{self.low:g} to {self.high:g}"
+        return span((self.low, self.high))
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.core.files.output_folder import held
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num
 from swath.core.units import digits_in
 from swath.documents.text_file import read_text
 from swath.field_io.folder import FieldFolder
@@ -118,7 +119,7 @@ def read_agopengps(path: Path) -> AgOpenGpsField:
         raise InputError("boundary", None, "expected a boundary, it has none", file=path / BOUNDARY)
     notes = [f"shape: {drives} islands that may be driven through are islands"] if drives else []
     if (away := max(float(np.abs(ring).max()) for ring in rings)) > FARTHEST_M:
-        notes.append(f"place: the boundary lies {away / 1e3:.0f} km from the origin in {FIELD}")
+        notes.append(f"place: the boundary lies {num(away / 1e3)} km from the origin in {FIELD}")
     headlands = _read_headlands(path / HEADLAND, len(rings)) if os.path.isfile(path / HEADLAND) else []
     lines: list[Line] = []
     if os.path.isfile(path / TRACKS):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra
+from swath.core.number_text import num
 from swath.documents.witness import Estimate, agreed
 from swath.field_io.logs.log import Log
 
@@ -181,7 +182,7 @@ def _joined(
         why = f"only {by[0]} show it" if len(by) == 1 else "its parts disagree" if by else "nothing shows it"
         late = [p.value for p in (*parts, *(p for p, _ in bands)) if abs(p.value) > SLACK + 3.0 * p.error]
         doubt = (
-            f"of the flow not known, not taken off: {why}: {min(late):.0f} to {max(late):.0f} s"
+            f"of the flow not known, not taken off: {why}: {num(min(late))} to {num(max(late))} s"
             if late
             else ""
         )

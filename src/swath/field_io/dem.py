@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError
+from swath.core.number_text import num, percent_of
 from swath.documents.witness import Pair, judge, ratio
 from swath.field.maps.band import GROUND, check_ground, horizontal, read_band
 from swath.field.maps.projection import transform
@@ -65,16 +66,16 @@ def read_dem(path: Path, grid: Raster) -> tuple[Raster, float]:
     known = np.isfinite(values)
     share = float(known.mean())
     if share < LEAST_KNOWN:
-        middle = f"{west + 0.5 * nx * grid.cell:.0f} E, {north - 0.5 * ny * grid.cell:.0f} N"
+        middle = f"{num(west + 0.5 * nx * grid.cell)} E, {num(north - 0.5 * ny * grid.cell)} N"
         expected = (
-            f"expected heights for at least {LEAST_KNOWN:.0%} of the field and its margin; the field is at "
-            f"{middle} (EPSG:{grid.epsg}), the file says {flat.name[:40]}"
+            f"expected heights for at least {percent_of(LEAST_KNOWN)} of the field and its margin; the field "
+            f"is at {middle} (EPSG:{grid.epsg}), the file says {flat.name[:40]}"
         )
-        raise InputError("place", f"{share:.0%}", expected, file=path)
+        raise InputError("place", percent_of(share), expected, file=path)
     notes += check_ground(values, grid.cell, path)
     if share < 1.0:
         notes.append(
-            f"heights: {1.0 - share:.1%} of the ground has none in {path.name}: carried on around it"
+            f"heights: {percent_of(1.0 - share)} of the ground has none in {path.name}: carried on around it"
         )
     filled = carry_on(values.astype(np.float64)).astype(np.float32)
     return replace(grid, values=filled, notes=tuple(notes)), share
@@ -94,10 +95,10 @@ def against_log(raster: Raster, log: Log, path: Path) -> Raster:
     rises = [float(np.subtract(*np.percentile(heights, [90, 10]))) for heights in (dem, logged)]
     alike = float(np.corrcoef(dem, logged)[0, 1]) if min(rises) > APART else np.nan
     alike /= max(_repeated(log.position[known], logged, log.time[known]), 0.1)
-    place = f"the log's heights lie {abs(off):.1f} m {'above' if off > 0 else 'below'} the DEM's"
-    rise = f"the log's heights rise {rises[1] / max(rises[0], 1e-9):.2f} times as far as the DEM's"
+    place = f"the log's heights lie {num(abs(off))} m {'above' if off > 0 else 'below'} the DEM's"
+    rise = f"the log's heights rise {num(rises[1] / max(rises[0], 1e-9))} times as far as the DEM's"
     steeper = ratio(*rises) if rises[0] > APART else np.nan
-    hills = f"of the log's hills it shows r = {alike:.2f}"
+    hills = f"of the log's hills it shows r = {num(alike)}"
     pairs = (
         Pair("heights", hills, 1.0 - alike, *ALIKE, "is the file turned, or of another field?"),
         Pair("heights", place, abs(off), APART, entry="geoid against ellipsoid, or a unit?"),

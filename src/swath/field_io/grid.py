@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.field.maps.raster import Raster
 from swath.field_io.clean import Cleaned
 from swath.field_io.trade import STEMS
@@ -43,9 +44,9 @@ def make_grid(bounds: tuple[float, float, float, float], cell: float, margin: fl
     west, south = (np.floor((b - margin) / cell) * cell for b in bounds[:2])
     nx, ny = (int(np.ceil((b + margin - a) / cell)) for a, b in ((west, bounds[2]), (south, bounds[3])))
     if nx * ny > MOST_CELLS:
-        size = f"{nx * cell / 1000.0:.1f} x {ny * cell / 1000.0:.1f} km"
+        size = f"{num(nx * cell / 1000.0)} x {num(ny * cell / 1000.0)} km"
         expected = (
-            f"expected at most {MOST_CELLS * cell**2 / 1e6:.0f} km2 around it, in cells of {cell:g} m: "
+            f"expected at most {num(MOST_CELLS * cell**2 / 1e6)} km2 around it, in cells of {num(cell)} m: "
             "is a corner far off, or are several fields in it?"
         )
         raise InputError("field", size, expected)

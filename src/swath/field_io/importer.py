@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError, check_within
 from swath.core.files.read_file import open_to_read
+from swath.core.number_text import num, percent_of, span
 from swath.documents.json_file import json_safe
 from swath.documents.reasons import key_of
 from swath.documents.witness import Pair, judge, outside, ratio
@@ -138,7 +139,7 @@ def import_log(
             if within.mean() < 0.05:
                 raise InputError(
                     "boundary",
-                    f"{100 * within.mean():.1f} % of the records inside",
+                    f"{percent_of(within.mean())} of the records inside",
                     "expected the field of the log",
                     file=boundary,
                 )
@@ -289,7 +290,7 @@ def _terrain(
             return against_log(raster, cleaned.log, dem), info
         of_passes = np.isfinite(cleaned.log.elevation[cleaned.pass_id >= 0])
         if of_passes.any():
-            info["source"] = f"flat: {of_passes.sum():,} of {len(of_passes):,} records have a height"
+            info["source"] = f"flat: {num(of_passes.sum())} of {num(len(of_passes))} records have a height"
         return raster, info
     used = bool(np.any(fit.offset != 0.0))
     return fit.raster, {
@@ -366,7 +367,7 @@ def _report(
     if left:
         notes = (
             *notes,
-            f"lost: {left:,} of {log.row_count:,} rows are not used, without a reason",
+            f"lost: {num(left)} of {num(log.row_count)} rows are not used, without a reason",
         )
     digest = _digest(path)
     profile = log.column_map.profile
@@ -406,9 +407,9 @@ def _doubts(
     cells = int(np.isfinite(maps.grain.values).sum())
     assert settings.grain_g_per_stem is not None
     low, high = (s * crop.stand.density * settings.grain_g_per_stem / 100.0 for s in STEMS)
-    shown = f"{yields:.3g} t/ha in the mean, by {column.column} in {column.unit}"
+    shown = f"{num(yields)} t/ha in the mean, by {column.column} in {column.unit}"
     text = (
-        f"{shown}; {maps.clipped_count} of {cells} cells lie outside {low:.2g} to {high:.3g} of {crop.name}"
+        f"{shown}; {maps.clipped_count} of {cells} cells lie outside {num(low)} to {num(high)} of {crop.name}"
     )
     unit = "say the unit with --columns, or --grain-g-per-stem"
     pairs = [Pair("yield", f"{text}, clipped", maps.clipped_count / max(cells, 1), *CLIPPED, unit)]
@@ -421,12 +422,12 @@ def _doubts(
     told = [f"delay: {d.machine}: {d.doubt}" for d in cleaned.delays if d.doubt]
     own = np.ones(len(log), bool) if within is None else outline.inside(polygon, log.position)
     logged, mapped = float((log.flow * log.duration)[own & log.working].sum()), _mapped_kg(maps, polygon)
-    text = f"{logged / 1000:.1f} t logged, {mapped / 1000:.1f} t on the map of {polygon.area / 1e4:.2f} ha"
+    text = f"{num(logged / 1000)} t logged, {num(mapped / 1000)} t on the map of {num(polygon.area / 1e4)} ha"
     over = logged / mapped - 1.0 if mapped > 0.0 else np.inf  # less is grain of rows that are left out
     less = ratio(_arrived_kg(cleaned, own), mapped) if over < 0.0 else 0.0
     flag = f"{shown}; say the units of width, speed and yield with --columns"
     reason, count = max(cleaned.counts.items(), key=lambda item: item[1])
-    text_used = f"{kept:,} of {len(log):,} are used: {count:,} {reason.replace('_', ' ')}"
+    text_used = f"{num(kept)} of {num(len(log))} are used: {num(count)} {reason.replace('_', ' ')}"
     pairs += [Pair("yield", text, over, *BALANCE, flag), Pair("yield", text, less, BALANCE[0]),
               Pair("lost", text_used, 1.0 - kept / max(int(cleaned.driven.sum()), 1), FEW_USED)]  # fmt: skip
     return [*told, *judge([*pairs, *_beside(cleaned, spacing, crop)], path)]
@@ -449,17 +450,18 @@ def _of_raw(log: Log) -> list[Pair]:
     pace = float(driven.sum() / np.diff(log.time)[goes_on].sum()) if goes_on.any() else np.nan
     shown = float(np.mean(log.speed[1:][goes_on])) if goes_on.any() else np.nan
     idle = [float((values <= 0.0).mean()) for values in (np.where(log.working, log.flow, 0.0), log.width)]
-    far = f"the others are {np.median(driven):.3g} m apart" if len(driven) else "the others are far apart"
-    speeds = f"{3.6 * shown:.3g} km/h logged, {3.6 * pace:.3g} km/h by positions and times"
+    far = f"the others are {num(np.median(driven))} m apart" if len(driven) else "the others are far apart"
+    speeds = f"{num(3.6 * shown)} km/h logged, {num(3.6 * pace)} km/h by positions and times"
     of_log, units = "of the records", "say the units with --columns"
     return [
-        Pair("place", f"{on_spot:.0%} of the rows lie on the very spot of the one before, {far}", on_spot,
-             *FEW_MOVE, "positions with more digits, or a machine that drives"),
+        Pair("place", f"{percent_of(on_spot)} of the rows lie on the very spot of the one before, {far}",
+             on_spot, *FEW_MOVE, "positions with more digits, or a machine that drives"),
         Pair("timeline", speeds, ratio(shown, pace), *OTHER_SPEED, units),
-        Pair("lost", f"flow of 0 in {idle[0]:.0%} {of_log}, work states counted", idle[0], *IDLE, units),
-        Pair("width", f"0 in {idle[1]:.0%} {of_log}", idle[1], *IDLE, units),
-        Pair("timeline", f"{log.gap.mean():.0%} {of_log} come after a pause", float(log.gap.mean()), *IDLE,
-             "records of a machine at most 5 s apart, in one order"),
+        Pair("lost", f"flow of 0 in {percent_of(idle[0])} {of_log}, work states counted", idle[0], *IDLE,
+             units),
+        Pair("width", f"0 in {percent_of(idle[1])} {of_log}", idle[1], *IDLE, units),
+        Pair("timeline", f"{percent_of(log.gap.mean())} {of_log} come after a pause", float(log.gap.mean()),
+             *IDLE, "records of a machine at most 5 s apart, in one order"),
     ]  # fmt: skip
 
 
@@ -469,15 +471,13 @@ def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:
 
     log, kept = cleaned.log, np.flatnonzero(cleaned.kept)
     width, moist = float(np.median(log.width[kept])), log.moisture[kept]
-    text = f"passes lie {spacing:.2f} m apart, the header is {width:.2f} m wide"
+    text = f"passes lie {num(spacing)} m apart, the header is {num(width)} m wide"
     entry = "the yield goes with the width: header_width in --columns, or --header-width-m"
     pairs = [Pair("width", text, spacing / width - 1.0, WIDER, entry=entry),
              Pair("width", text, width / spacing - 1.0, OVERLAP, entry=entry)]  # fmt: skip
     low, high = MOISTURES.get(crop.name, MOISTURES[""])
     middle = float(np.median(moist[np.isfinite(moist)])) if np.isfinite(moist).any() else np.nan
-    text = (
-        f"{100 * middle:.3g} % in the middle, usual of {crop.name} are {100 * low:.0f} to {100 * high:.0f} %"
-    )
+    text = f"{percent_of(middle)} in the middle, usual of {crop.name} are {span([100 * low, 100 * high])} %"
     pairs.append(
         Pair("moisture", text, max(low - middle, middle - high), 0.0, entry="another crop (--crop)?")
     )
@@ -489,7 +489,7 @@ def _beside(cleaned: Cleaned, spacing: float, crop: Crop) -> list[Pair]:
             continue
         over = float(np.median(cleaned.grain[kept[near[i, j]]] / cleaned.grain[kept[i]]))
         one, other = (log.machine_names[k][:30] for k in (a, b))
-        text = f"{other} shows {100 * over:.0f} % of the yield of {one}"
+        text = f"{other} shows {percent_of(over)} of the yield of {one}"
         pairs.append(
             Pair(
                 "calibration", f"{text} beside it", ratio(over, 1.0), MACHINES, entry="is one not calibrated?"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError, some_of
+from swath.core.number_text import num, percent_of
 from swath.documents.foreign import TABLE, refuse_foreign
 from swath.documents.geojson import Shapes, pieces, read_shapes
 from swath.documents.packed import is_archive, open_archive, readable
@@ -89,8 +90,8 @@ class Outlines:
             count = "another area" if len(others) == 1 else f"{len(others)} other areas"
             own = f" {self.names[index]!r}" if self.names[index] else ""
             is_out = f"{'is' if len(others) == 1 else 'are'} left out{f': {named}' if named else ''}"
-            taken = f"the field{own} of {field.area / 1e4:.2f} ha is taken"
-            notes.append(f"unused: {taken}, {count} of {left_out / 1e4:.2f} ha {is_out}")
+            taken = f"the field{own} of {num(field.area / 1e4)} ha is taken"
+            notes.append(f"unused: {taken}, {count} of {num(left_out / 1e4)} ha {is_out}")
         return field, notes
 
 
@@ -240,7 +241,9 @@ def _east_first(found: list[Piece], crs: str, epsg: int | None, path: Path) -> t
     straight, swapped = near if any(near) else can_be or (False, False)
     if not straight and not swapped:
         of = system.name if crs else "degrees, or the name of their system as `crs` or .prj"
-        raise InputError("place", f"{middle[0]:.7g}, {middle[1]:.7g}", f"expected places in {of}", file=path)
+        raise InputError(
+            "place", f"{num(middle[0])}, {num(middle[1])}", f"expected places in {of}", file=path
+        )
     raw = [np.concatenate(p.rings) for p in found]
     where, notes = [place(at[None]) for at in both], []
     if straight and swapped and crs.lower().startswith(URN) and system.axis_info[0].direction == "north":
@@ -292,7 +295,7 @@ def _together(found: list[Piece], raw: list[Array]) -> tuple[list[Piece], list[A
     kept = [i for i in range(len(found)) if away[i] <= FARTHEST_KM]
     left = [i for i in range(len(found)) if away[i] > FARTHEST_KM]
     names = listed(Counter(found[i].label for i in left))
-    said = f"place: left out, as it lies up to {away.max():.0f} km from the field: {names}"
+    said = f"place: left out, as it lies up to {num(away.max())} km from the field: {names}"
     return [found[i] for i in kept], [raw[i] for i in kept], [said] if left else []
 
 
@@ -305,7 +308,7 @@ def shapes_of(found: list[Piece], epsg: int, notes: list[str]) -> list[Shape]:
         drawn = [shapely.Polygon(ring) for ring in piece.rings]
         for ring in drawn:
             spot = str(shapely.is_valid_reason(ring)).partition("Self-intersection[")[2]
-            crossed += [", ".join(f"{float(c):.0f}" for c in spot[:-1].split())] if spot else []
+            crossed += [", ".join(num(float(c)) for c in spot[:-1].split())] if spot else []
         mended = [_mended(ring) for ring in drawn]
         rings = [ring for ring, _ in mended]
         apart = max([apart, *(by for _, by in mended)])
@@ -354,7 +357,9 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
     no crop out. unused: what has no part, counted.
     """
     shapely, notes = _shapely(), list[str]()
-    too_small = InputError("plausible", None, f"expected a field of more than {EMPTY_AREA:.0f} m2", file=path)
+    too_small = InputError(
+        "plausible", None, f"expected a field of more than {num(EMPTY_AREA)} m2", file=path
+    )
     shapes = sorted((s for s in shapes if s.polygon.area > 0.0), key=lambda s: -s.polygon.area)
     if not shapes:
         raise too_small
@@ -383,16 +388,16 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
             whole = whole.difference(shapely.union_all([s.polygon for s in islands]))
             whole = shapely.union_all([whole, *(s.polygon for s in others)])
             many = "an area" if len(islands) == 1 else f"{len(islands)} areas"
-            said = f"shape: {many} of {ground / 1e4:.2f} ha within the field"
+            said = f"shape: {many} of {num(ground / 1e4)} ha within the field"
             notes.append(f"{said} {'is an island' if len(islands) == 1 else 'are islands'} without crop")
         else:
             key = "sources" if ground < (1.0 - DIFFERS) * whole.area else "shape"
-            said = f"{key}: {len(islands)} outlines of {ground / 1e4:.2f} ha within another are not used"
+            said = f"{key}: {len(islands)} outlines of {num(ground / 1e4)} ha within another are not used"
             notes.append(f"{said}: too large to be islands")
     if beside:
         within = shapely.union_all([s.polygon for s in beside]).intersection(whole).area
         if within >= LEAST_TOLD:
-            notes.append(f"unused: polygons of another folder within the field, {within / 1e4:.2f} ha")
+            notes.append(f"unused: polygons of another folder within the field, {num(within / 1e4)} ha")
     strange = [s for s in shapes if s.role == UNKNOWN and is_said]
     unknown = shapely.union_all([s.polygon for s in strange])
     within = unknown.intersection(whole).area
@@ -400,15 +405,15 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
         if size > DIFFERS * whole.area:
             words = some_of(dict.fromkeys(s.word for s in strange), 5)
             taken = "crop there" if where == "of the field" else "left out"
-            notes.append(f"lost: {size / 1e4:.2f} ha {where} are of an unknown kind, {taken}: {words}")
+            notes.append(f"lost: {num(size / 1e4)} ha {where} are of an unknown kind, {taken}: {words}")
     whole = _without_bare(whole, [s for s in shapes if s.role == BARE], unused, notes)
     areas = [p for p in _parts(whole) if p.area > EMPTY_AREA]
     if not areas:
         raise too_small
     areas.sort(key=lambda p: -p.area)
     if areas[0].area > LARGEST_AREA:
-        expected = f"expected a field of at most {LARGEST_AREA / 1e4:.0f} ha"
-        raise InputError("plausible", f"{areas[0].area / 1e4:.0f} ha", expected, file=path)
+        expected = f"expected a field of at most {num(LARGEST_AREA / 1e4)} ha"
+        raise InputError("plausible", f"{num(areas[0].area / 1e4)} ha", expected, file=path)
     names, misnamed, tree = [], [], shapely.STRtree([s.polygon.representative_point() for s in land])
     for area in areas:
         own = [land[i] for i in sorted(tree.query(area.buffer(0.5), predicate="contains").tolist())]
@@ -416,7 +421,7 @@ def arranged(shapes: list[Shape], epsg: int, path: Path, unused: Counter[str]) -
         against = dict.fromkeys(s.misnamed for s in own if s.misnamed)
         misnamed.append(some_of(against, 5) if against else "")
         if len(own) > 1:
-            sizes = some_of((f"{s.polygon.area / 1e4:.2f}" for s in own), 5, " + ")
+            sizes = some_of((num(s.polygon.area / 1e4) for s in own), 5, " + ")
             notes.append(f"shape: {len(own)} polygons that touch are one field ({sizes} ha)")
             if misnamed[-1] and not all(s.misnamed for s in own):
                 notes.append(f"sources: {misnamed[-1]} by name, taken as a part of the field that it touches")
@@ -440,7 +445,7 @@ def _without_bare(whole: Any, bare: list[Shape], unused: Counter[str], notes: li
         else:
             unused[f"{shape.word} area outside of the field"] += 1
     if sizes:
-        listed_sizes = ", ".join(f"{word} {size / 1e4:.2f} ha" for word, size in sizes.items())
+        listed_sizes = ", ".join(f"{word} {num(size / 1e4)} ha" for word, size in sizes.items())
         notes.append(f"shape: no crop in it: {listed_sizes}")
     return whole.difference(shapely.union_all([s.polygon for s in bare]))
 
@@ -487,7 +492,7 @@ def _nested(
             elif is_within and not all(is_field):
                 depth = max(depth, depths[j] + 1)
             elif shared > ONE_FIELD * min(own, other):
-                sizes, depth = f"{other / 1e4:.2f} and {own / 1e4:.2f} ha", -1
+                sizes, depth = f"{num(other / 1e4)} and {num(own / 1e4)} ha", -1
                 is_told = is_field[0] != is_field[1]
                 if not (is_told or is_within or own > (1.0 - DIFFERS) * other or own < DIFFERS * other):
                     expected = "expected one outline of the field, or what each is (kind: field, island)"
@@ -555,7 +560,7 @@ def covered_ground(cleaned: Cleaned) -> tuple[Any, list[str]]:
     bare = 1.0 - strips.intersection(field).area / field.area
     if bare > 0.05:
         beside = "its crop is that of the passes next to it"
-        notes.append(f"derived: {bare:.0%} of the field has no pass in the log: {beside}")
+        notes.append(f"derived: {percent_of(bare)} of the field has no pass in the log: {beside}")
     return field, notes
 
 
@@ -578,9 +583,9 @@ def _closed(ground: Any, width: float, tolerance: float) -> tuple[Any, list[str]
     closed = ground.buffer(grow, join_style="mitre").buffer(-grow, join_style="mitre").simplify(tolerance)
     field = max(_parts(closed), key=lambda part: part.area, default=_shapely().Polygon())
     if field.area <= EMPTY_AREA:
-        raise InputError("plausible", None, f"expected a field of more than {EMPTY_AREA:.0f} m2")
+        raise InputError("plausible", None, f"expected a field of more than {num(EMPTY_AREA)} m2")
     left_out = closed.area - field.area
-    said = f"unused: ground in several parts: {left_out / 1e4:.2f} ha left out"
+    said = f"unused: ground in several parts: {num(left_out / 1e4)} ha left out"
     notes = [said] if left_out > 0.02 * field.area else []
     polygon = _shapely().Polygon
     return polygon(field.exterior, [r for r in field.interiors if polygon(r).area >= SMALLEST_HOLE]), notes

@@ -7,6 +7,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num
 from swath.field_io.folder import FieldFolder, read
 from swath.field_io.pass_scenario import edge_offset, speed_of, straight_stretches
 from swath.field_io.passes import Track
@@ -53,7 +54,7 @@ def write_pass_case(folder: Path) -> Path:
     field = read(folder)
     start, tracks = _passes(field)
     if len(tracks) < FEWEST:
-        straight = f"{LENGTH_M + RUN_OFF_M:.0f} m of straight way inside the field"
+        straight = f"{num(LENGTH_M + RUN_OFF_M)} m of straight way inside the field"
         expected = f"expected at least {FEWEST} passes with {straight}"
         raise InputError("tracks", len(tracks), expected, file=field.path)
     picked = [tracks[i] for i in np.unique(np.linspace(0, len(tracks) - 1, MOST).round().astype(int))]

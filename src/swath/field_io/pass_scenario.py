@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num
 from swath.documents.validation import as_name
 from swath.field.edges.boundary import Array, Region
 from swath.field_io.folder import FieldFolder, read
@@ -128,14 +129,14 @@ def _no_stretch(field: FieldFolder, width: float) -> InputError:
     """Why there is nothing to drive along; width: of the header [m]."""
     lengths = [np.hypot(*(t.line[s.last] - t.line[s.first])) for t in field.tracks for s in t.straights]
     least = SHORTEST_M + 2.0 * INSET_M
-    inside = f"{SHORTEST_M:.0f} m of straight way with a header of {width:.1f} m inside the field"
+    inside = f"{num(SHORTEST_M)} m of straight way with a header of {num(width)} m inside the field"
     if not field.tracks:
         return InputError("boundary", None, f"expected {inside}", file=field.path)
     if max(lengths, default=0.0) < least:
-        cause = f"none of its passes is straight for {least:.0f} m"
+        cause = f"none of its passes is straight for {num(least)} m"
     else:
         cause = (
-            f"passes are straight for {max(lengths):.0f} m, but the field is no wider than the header there"
+            f"passes are straight for {num(max(lengths))} m, but the field is no wider than the header there"
         )
     return InputError("tracks", len(field.tracks), f"expected {inside}: {cause}", file=field.path)
 

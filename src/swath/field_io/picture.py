@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swath.core.files.whole_file import new_file
+from swath.core.number_text import num
 
 if TYPE_CHECKING:
     from swath.field_io.folder import FieldFolder
@@ -65,7 +66,7 @@ def _draw_terrain(axes: Any, field: "FieldFolder") -> None:
         axes.imshow(shade, cmap="gray", vmin=-0.5, vmax=1.05, extent=extent, origin="lower")
         levels = MaxNLocator(8).tick_values(values.min(), values.max())
         lines = axes.contour(*terrain.centres(), values, levels=levels, colors=LINES, linewidths=0.6)
-        axes.clabel(lines, fontsize=7, fmt="%g")
+        axes.clabel(lines, fontsize=7, fmt=num)
     machines = sorted({t.machine for t in field.tracks})
     colours = {m: MACHINE_COLOURS[i % len(MACHINE_COLOURS)] for i, m in enumerate(machines)}
     for track in field.tracks:
@@ -92,7 +93,11 @@ def _draw_crop(axes: Any, field: "FieldFolder") -> None:
         axes.figure.colorbar(image, ax=axes, extend="both", shrink=0.4, label="stems per m2")
     grams = float((field.info.get("crop") or {}).get("grain_g_per_stem") or 0.0)
     how = (
-        f": {low:g} stems per m2" if is_even else f": yield / {grams:g} g of grain per stem" if grams else ""
+        f": {num(low)} stems per m2"
+        if is_even
+        else f": yield / {num(grams)} g of grain per stem"
+        if grams
+        else ""
     )
     _finish(axes, field, f"standing crop{how}")
 
@@ -105,8 +110,8 @@ def _draw_histogram(axes: Any, field: "FieldFolder") -> None:
         axes.text(0.5, 0.5, "not in field.yaml", ha="center", transform=axes.transAxes)
         return
     edges = np.linspace(0.0, float(counts["top_t_ha"]), len(kept) + 1)
-    axes.stairs(kept, edges, fill=True, color="#0072B2", label=f"used {kept.sum():,}")
-    more = {"fill": True, "color": "#E69F00", "label": f"not used {removed.sum():,}"}
+    axes.stairs(kept, edges, fill=True, color="#0072B2", label=f"used {num(kept.sum())}")
+    more = {"fill": True, "color": "#E69F00", "label": f"not used {num(removed.sum())}"}
     axes.stairs(kept + removed, edges, baseline=kept, **more)
     axes.legend(frameon=False)
 
@@ -118,7 +123,7 @@ def _draw_removed(axes: Any, field: "FieldFolder") -> None:
     axes.set_title("records not used, by reason")
     if shown:
         bars = axes.barh([k for _, k in shown], [n for n, _ in shown], color="#E69F00", height=0.7)
-        axes.bar_label(bars, [f" {n:,}" for n, _ in shown], fontsize=8)
+        axes.bar_label(bars, [f" {num(n)}" for n, _ in shown], fontsize=8)
         axes.margins(x=0.15)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, some_of
+from swath.core.number_text import num
 from swath.documents.geojson import read_shapes
 from swath.field.crop import Crop
 from swath.field.maps.projection import Origin, transform, utm_epsg
@@ -175,12 +176,12 @@ def _read(path: Path, width: float | None) -> tuple[Part, Any, int, float, list[
     key, polygon, epsg, left_out = largest_part(described, path)
     notes = ["form: ISO 11783-10 task data without a yield: the crop stands evenly", *left_out]
     stated, what = (0.0, "") if width else _width(described, key, path)
-    notes += [f"derived: header width {stated:g} m, {what}"] if stated else []
+    notes += [f"derived: header width {num(stated)} m, {what}"] if stated else []
     part = replace(described.parts[key], crop=described.crop_of(key))
     for pattern in part.guidance:
         if pattern.kind in (PIVOT, SPIRAL):
             is_round = pattern.kind == PIVOT
-            shape = f"its circle of {pivot_radius(pattern):.1f} m" if is_round else "its own line"
+            shape = f"its circle of {num(pivot_radius(pattern))} m" if is_round else "its own line"
             notes.append(f"shape: guidance of a {PATTERNS[pattern.kind]} {shape}, none beside it")
     unused = part.unused + described.unused
     notes += [f"unused: {listed(unused)}"] if unused.total() else []
@@ -193,7 +194,7 @@ def _width(described: Description, part: str, path: Path) -> tuple[float, str]:
     devices = [d for d in described.devices if d in own] or list(described.devices)
     found = [width for d in devices if (width := described.width_of([d]))[0]]
     if len({width for width, _ in found}) > 1:
-        named = some_of((f"{width:g} m ({what})" for width, what in found), 4)
+        named = some_of((f"{num(width)} m ({what})" for width, what in found), 4)
         raise InputError("header_width", named, "expected one, --header-width-m says which", file=path)
     return found[0] if found else (0.0, "")
 

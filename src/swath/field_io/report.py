@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num, signed, span
 from swath.documents.reasons import doubts
 
 
@@ -37,37 +38,37 @@ class ImportReport:
     def lines(self) -> list[tuple[str, str, str]]:
         """What, how much, and more about it, for the terminal."""
         field, crop, terrain = self.field, self.crop, self.terrain
-        heights = ", {lowest_m:.1f} to {highest_m:.1f} m".format(**terrain) if "lowest_m" in terrain else ""
+        heights = f", {span([terrain['lowest_m'], terrain['highest_m']])} m" if "lowest_m" in terrain else ""
         if not self.rows:
             return [
                 ("place", "", field["place"]),
-                ("area", f"{field['area_ha']:.2f} ha", self.source["profile"]),
+                ("area", f"{num(field['area_ha'])} ha", self.source["profile"]),
                 ("guidance lines", f"{field['guidance_lines']}", ""),
-                ("crop", crop["name"], f"{crop['stems_per_m2']:.3g} stems/m2 everywhere"),
-                ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
+                ("crop", crop["name"], f"{num(crop['stems_per_m2'])} stems/m2 everywhere"),
+                ("terrain", f"{num(terrain['relief_m'])} m", terrain["source"] + heights),
                 *(("doubt" if doubts([note]) else "note", "", note) for note in self.notes),
             ]
         read = self.rows["read"]
-        spacing = "" if field["pass_spacing_m"] is None else f", {field['pass_spacing_m']:.2f} m apart"
-        percentiles = f"10-90 %: {crop['yield_p10_t_ha']:.2f}-{crop['yield_p90_t_ha']:.2f}"
+        spacing = "" if field["pass_spacing_m"] is None else f", {num(field['pass_spacing_m'])} m apart"
+        percentiles = f"10-90 %: {num(crop['yield_p10_t_ha'])}-{num(crop['yield_p90_t_ha'])}"
         left_out = [("  broken", self.rows["broken"]), ("  not used", self.removed)]
         return [
-            ("rows in the log", f"{read:,}", self.source["profile"]),
-            *([("  stated", f"{self.rows['stated']:,}", "by the file")] if "stated" in self.rows else []),
-            *((what, f"{n:,}", k.replace("_", " ")) for what, of in left_out for k, n in of.items() if n),
-            ("records used", f"{self.kept:,}", f"{100 * self.kept / max(read, 1):.1f} %"),
+            ("rows in the log", num(read), self.source["profile"]),
+            *([("  stated", num(self.rows['stated']), "by the file")] if "stated" in self.rows else []),
+            *((what, num(n), k.replace("_", " ")) for what, of in left_out for k, n in of.items() if n),
+            ("records used", num(self.kept), f"{num(100 * self.kept / max(read, 1))} %"),
             *(
-                (f"machine {m['name']}", f"{m['records']:,}",
+                (f"machine {m['name']}", num(m['records']),
                  "flow delay " + ", ".join(filter(None, (_delay(m), m["flow_delay_method"]))))
                 for m in self.machines
             ),
             ("place", "", field["place"]),
-            ("area", f"{field['area_ha']:.2f} ha", f"row direction {field['row_azimuth_deg']:.1f} deg"),
-            ("passes", f"{field['passes']}", f"{field['pass_length_m'] / 1000:.1f} km{spacing}"),
-            ("yield", f"{crop['yield_t_ha']:.2f} t/ha", percentiles),
+            ("area", f"{num(field['area_ha'])} ha", f"row direction {num(field['row_azimuth_deg'])} deg"),
+            ("passes", f"{field['passes']}", f"{num(field['pass_length_m'] / 1000)} km{spacing}"),
+            ("yield", f"{num(crop['yield_t_ha'])} t/ha", percentiles),
             ("crop", crop["name"], ""),
-            ("stems", f"{crop['stems_per_m2']:.3g} /m2", f"{crop['grain_g_per_stem']:.2f} g of grain each"),
-            ("terrain", f"{terrain['relief_m']:.1f} m", terrain["source"] + heights),
+            ("stems", f"{num(crop['stems_per_m2'])} /m2", f"{num(crop['grain_g_per_stem'])} g of grain each"),
+            ("terrain", f"{num(terrain['relief_m'])} m", terrain["source"] + heights),
             *(("doubt" if doubts([note]) else "note", "", note) for note in self.notes),
         ]  # fmt: skip
 
@@ -89,4 +90,4 @@ class ImportReport:
 def _delay(machine: dict[str, Any]) -> str:
     """The delay of the flow and its error as text, empty where it is not known."""
     seconds, error = machine["flow_delay_s"], machine["flow_delay_error_s"]
-    return "" if seconds != seconds else f"{seconds:+.1f}{f' +-{error:.1f}' if error == error else ''} s"
+    return "" if seconds != seconds else f"{signed(seconds)}{f' +-{num(error)}' if error == error else ''} s"

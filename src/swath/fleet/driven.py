@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.fleet.machines import PARAMS as MACHINES
 from swath.fleet.machines import Cart, Combine
 from swath.fleet.schedule import Poured, Schedule
@@ -503,7 +504,8 @@ class _Drive:
     def who_waits(self) -> str:
         """Machines that stand, and for whom they wait."""
         return ", ".join(
-            f"{name} in {m.segment.kind} at ({m.x:.0f}, {m.y:.0f}): {m.spans[-1].state} {m.spans[-1].reason}"
+            f"{name} in {m.segment.kind} at ({num(m.x)}, {num(m.y)}): "
+            f"{m.spans[-1].state} {m.spans[-1].reason}"
             for name, m in self.movers.items()
         )
 

@@ -23,6 +23,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.documents.data_sheets import find_sheet, sheet_names
 from swath.documents.validation import checked, near_miss
 from swath.documents.yaml_document import Document, read_mapping
@@ -383,7 +384,7 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     corner = np.floor(np.min([a.bounds[:2] for a in read.areas], axis=0))
     notes = [
         *read.notes,
-        f"reference: origin of the field: {corner[0]:.0f}, {corner[1]:.0f} in EPSG:{read.epsg}",
+        f"reference: origin of the field: {num(corner[0])}, {num(corner[1])} in EPSG:{read.epsg}",
     ]
 
     def ring(points: Any) -> Ring:
@@ -394,7 +395,7 @@ def _with_field(job: JobFile, base: Path | None, has_yield: bool) -> tuple[JobFi
     field = replace(field, boundary_m=first, parts_m=others, holes_m=holes)
     if math.isfinite(read.grain) and not has_yield:
         field = replace(field, yield_t_ha=10.0 * read.grain)
-        notes.append(f"derived: yield {field.yield_t_ha:.2f} t/ha, the mean of the log")
+        notes.append(f"derived: yield {num(field.yield_t_ha)} t/ha, the mean of the log")
     plan = job.plan
     if plan.direction_deg is None and math.isfinite(read.direction):
         plan = replace(plan, direction_deg=math.degrees(math.remainder(read.direction, math.pi)))
@@ -463,7 +464,7 @@ def _along(made: FileField, lines: Sequence[Any], what: str) -> FileField:
     longest = max(drawn, key=lambda line: math.dist(line[0], line[-1]))
     (ax, ay), (bx, by) = longest[[0, -1]].tolist()
     direction = math.atan2(by - ay, bx - ax)
-    turned = f"{math.degrees(direction):.1f} degrees counter-clockwise from east"
+    turned = f"{num(math.degrees(direction))} degrees counter-clockwise from east"
     said = f"derived: direction of the passes, that of the longest of {len(drawn)} {what}: {turned}"
     return replace(made, direction=direction, notes=(*made.notes, said), lines=drawn)
 
@@ -478,7 +479,7 @@ def _under(made: FileField, lines: Sequence[Any], header: float) -> FileField:
     if not len(ground):
         raise InputError("field.file", None, "expected an outline, or lines of passes")
     largest = max(ground, key=lambda part: part.area)
-    said = f"derived: the file has no outline: the field is the {largest.area / 1e4:.2f} ha under its lines"
+    said = f"derived: the file has no outline: the field is the {num(largest.area / 1e4)} ha under its lines"
     return replace(made, areas=(largest,), notes=(*made.notes, said))
 
 
@@ -499,7 +500,7 @@ def read_log_field(path: Path) -> FileField:
     known = cleaned.kept & np.isfinite(cleaned.grain)
     grain = float(cleaned.grain[known].mean()) if known.any() else math.nan
     yields, told = _in_squares(log.position[known], cleaned.grain[known])
-    said = f"derived: passes are planned along those of the log, {math.degrees(direction):.1f} degrees"
+    said = f"derived: passes are planned along those of the log, {num(math.degrees(direction))} degrees"
     return FileField(
         (ground,), log.epsg, direction, grain,
         (*log.notes, *notes, f"{said} counter-clockwise from east", *told), yields=yields,
@@ -513,7 +514,7 @@ def _in_squares(position: Any, grain: Any) -> tuple[tuple[tuple[float, float, fl
     squares, number = np.unique(np.floor(position / SQUARE), axis=0, return_inverse=True)
     mean = np.bincount(number.ravel(), grain) / np.bincount(number.ravel())
     low, high = np.percentile(10.0 * mean, [5.0, 95.0])
-    of_squares = f"{low:.1f} to {high:.1f} t/ha in 90 % of squares of {SQUARE:g} m"
+    of_squares = f"{num(low)} to {num(high)} t/ha in 90 % of squares of {num(SQUARE)} m"
     told = f"derived: the yield varies as in the log, {of_squares}"
     middles = SQUARE * (squares + 0.5)
     return tuple(zip(*middles.T.tolist(), mean.tolist(), strict=True)), [f"{told}; elsewhere it is the mean"]

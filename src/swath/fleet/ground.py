@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
+from swath.core.number_text import num
 from swath.fleet.files import SQUARE, JobFile
 from swath.fleet.machines import Body, Place
 from swath.fleet.outlines import outlines_of
@@ -129,7 +130,7 @@ class Ground:
         apart = [p for p in parts if not home.intersects(p)]
         if apart:
             gap = min(home.distance(p) for p in apart)
-            expected = f"expected ground that joins all parts of the field, one is {gap:.0f} m off"
+            expected = f"expected ground that joins all parts of the field, one is {num(gap)} m off"
             raise InputError("field.around_m", job.field.around_m, expected)
         for number, way in enumerate(job.field.ways_m):
             if not home.intersects(shapely.LineString(self.frame.to_field(way))):
@@ -292,9 +293,9 @@ def fits(area: Any, body: Body, place: Place) -> bool:
 def _check_size(length: float, width: float) -> None:
     longest, area = max(length, width), length * width
     if longest > LONGEST_M or area > MOST_M2:
-        most = f"{LONGEST_M / 1000.0:.0f} km and {MOST_M2 / 1e4:.0f} ha"
+        most = f"{num(LONGEST_M / 1000.0)} km and {num(MOST_M2 / 1e4)} ha"
         expected = f"expected field and truck in a rectangle of at most {most}"
-        raise InputError("field", f"{longest / 1000.0:.1f} km, {area / 1e4:.0f} ha", expected)
+        raise InputError("field", f"{num(longest / 1000.0)} km, {num(area / 1e4)} ha", expected)
 
 
 def _at_truck(
@@ -305,16 +306,16 @@ def _at_truck(
     place: of the truck; outside: a place at the gate, None for the gate nearest to the truck
     """
     if field.distance(shapely.Point(place)) < LEAST_M:
-        value = f"{job.truck.x_m:g}, {job.truck.y_m:g}"
-        expected = f"expected a place at least {LEAST_M:g} m outside of the field"
+        value = f"{num(job.truck.x_m)}, {num(job.truck.y_m)}"
+        expected = f"expected a place at least {num(LEAST_M)} m outside of the field"
         raise InputError("truck", value, expected)
     at = place if outside is None else outside
     nearest, _ = shapely.get_coordinates(shapely.shortest_line(field, shapely.Point(at))).tolist()
     far = 2.0 * PARAMS.yard_m
     if outside is not None and not 1.0 <= math.dist(nearest, outside) <= far:
         assert job.truck.gate_m is not None
-        value = "{:g}, {:g}".format(*job.truck.gate_m)
-        raise InputError("truck.gate_m", value, f"expected a place 1 to {far:g} m outside of the field")
+        value = ", ".join(map(num, job.truck.gate_m))
+        raise InputError("truck.gate_m", value, f"expected a place 1 to {num(far)} m outside of the field")
     (u, v), (x, y) = (place - nearest).tolist(), (at - nearest).tolist()
     heading = math.atan2(v, u) - 0.5 * math.pi  # the truck on the far side, to the left
     out = heading + 0.5 * math.pi if outside is None else math.atan2(y, x)

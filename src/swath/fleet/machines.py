@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.core.units import KMH
 from swath.fleet.files import CartSettings, CombineSettings, JobFile
 from swath.machine.drivetrain_sheet import drivetrain_of
@@ -372,6 +373,8 @@ def beside(combine: Combine, cart: Cart) -> tuple[float, float]:
     clear = 0.5 * combine.width + cart.body.half_width + PARAMS.beside_m
     if clear > combine.pipe_y + PARAMS.off_m:
         most = 2.0 * (combine.pipe_y + PARAMS.off_m - cart.body.half_width - PARAMS.beside_m)
-        expected = f"expected a header of at most {most:.2f} m, the pipe does not reach {cart.name} beside it"
+        expected = (
+            f"expected a header of at most {num(most)} m, the pipe does not reach {cart.name} beside it"
+        )
         raise InputError(f"combines.{combine.name}.header_width_m", combine.width, expected)
     return combine.pipe_x - cart.box_x, max(clear, combine.pipe_y)

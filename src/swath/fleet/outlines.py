@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.fleet.files import JobFile
 
 Array = NDArray[np.float64]
@@ -101,9 +102,9 @@ def _checked(shapely: Any, ring: Any, key: str) -> Any:
         raise InputError(key, f"{len(ring)} points", "expected an outline that does not cross itself")
     if polygon.area < LEAST_M2:
         degrees = max(np.hypot(*np.transpose(ring))) < 400.0 and polygon.area < 0.1
-        expected = f"expected an outline in metres of at least {LEAST_M2:g} m2"
+        expected = f"expected an outline in metres of at least {num(LEAST_M2)} m2"
         raise InputError(
-            key, f"{polygon.area:.2g} m2", expected + (", are these degrees?" if degrees else "")
+            key, f"{num(polygon.area)} m2", expected + (", are these degrees?" if degrees else "")
         )
     return polygon
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num, percent_of
 from swath.core.portable import arctan2, product, tan
 from swath.fleet.files import PlanSettings
 from swath.fleet.ground import Ground, shapely_here
@@ -154,7 +155,9 @@ def plan_of(
     made.clean_up()
     plan = Plan(tuple(made.passes), ground.field.area, made.rest.area, tuple(notes))
     if plan.left > 0.01 * plan.area:
-        expected = f"expected a field of which 99 % can be cut, {plan.left:.0f} of {plan.area:.0f} m2 cannot"
+        expected = (
+            f"expected a field of which 99 % can be cut, {num(plan.left)} of {num(plan.area)} m2 cannot"
+        )
         raise InputError("field", None, expected)
     return plan
 
@@ -173,22 +176,22 @@ def _lines_of_others(
     lengths = [math.dist(line[0], line[-1]) for line in lines]
     if min(lengths) <= PARAMS.bent_m:
         number = np.argmin(lengths) + 1
-        expected = f"expected passes of more than {PARAMS.bent_m:g} m, number {number} is shorter"
+        expected = f"expected passes of more than {num(PARAMS.bent_m)} m, number {number} is shorter"
         raise InputError("plan.passes_m" if settings.passes_m else "field.file", None, expected)
     bent = [shapely.LineString(line[[0, -1]]).hausdorff_distance(shapely.LineString(line)) for line in lines]
     ends = [line[[0, -1]] for line in lines]
     worst = int(np.argmax(bent))
     if settings.passes_m:
         if bent[worst] > PARAMS.bent_m:
-            expected = f"expected straight passes, number {worst + 1} bends by {bent[worst]:.1f} m"
+            expected = f"expected straight passes, number {worst + 1} bends by {num(bent[worst])} m"
             raise InputError("plan.passes_m", None, expected)
         return ends, []
     strips = [shapely.LineString(e).buffer(0.5 * header, cap_style="flat") for e in ends]
     share = shapely.intersection(shapely.union_all(strips), ground.field).area / ground.field.area
     if bent[worst] > PARAMS.bent_m:
-        why = f"line {worst + 1} bends by {bent[worst]:.1f} m"
+        why = f"line {worst + 1} bends by {num(bent[worst])} m"
     elif share < PARAMS.covers:
-        why = f"they cover {100.0 * share:.0f} % of the field"
+        why = f"they cover {percent_of(share)} of the field"
     else:
         return ends, [f"shape: the {len(lines)} lines of the file are the passes, in their order"]
     return [], [f"shape: lines of the file say the direction of passes alone: {why}"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num
 from swath.documents.json_file import read_object, write_json
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
@@ -54,35 +55,35 @@ def check_target(out: Path, name: str, changes: str = "") -> None:
 def result_rows(w: Worked) -> list[tuple[str, str, str]]:
     """Name, number and unit of what a job comes to."""
     plan = w.schedule.plan
-    rows = [("until the last grain is at the truck", f"{w.ends / 3600.0:.2f}", "h")]
+    rows = [("until the last grain is at the truck", num(w.ends / 3600.0), "h")]
     if w.schedule.bound > 0.0:
         bound, plans = w.schedule.bound, len(w.schedule.compared)
-        rows.append(("no plan takes less than", f"{bound / 3600.0:.2f}", "h"))
+        rows.append(("no plan takes less than", num(bound / 3600.0), "h"))
         rows.append(
             (
                 f"more than that, best of {counted(plans, 'plan')}",
-                f"{100.0 * (w.ends / bound - 1.0):.0f}",
+                num(100.0 * (w.ends / bound - 1.0)),
                 "%",
             )
         )
     if w.draws:
         low, high, mean = min(w.draws), max(w.draws), math.fsum(w.draws) / len(w.draws)
-        value = f"{low / 3600.0:.3f} to {high / 3600.0:.3f}, mean {mean / 3600.0:.3f}"
+        value = f"{num(low / 3600.0)} to {num(high / 3600.0)}, mean {num(mean / 3600.0)}"
         rows.append((f"the same in {len(w.draws)} draws", value, "h"))
     rows += [
-        ("until the last pass is cut", f"{w.cut / 3600.0:.2f}", "h"),
-        ("field", f"{plan.area / 1e4:.2f}", "ha"),
+        ("until the last pass is cut", num(w.cut / 3600.0), "h"),
+        ("field", num(plan.area / 1e4), "ha"),
         ("passes", str(len(plan.passes)), ""),
-        ("ground that no pass of the plan cuts", f"{100.0 * plan.left / plan.area:.3f}", "%"),
-        ("grain at the truck", f"{w.schedule.delivered / 1000.0:.1f}", "t"),
-        ("mass error, over all grain", f"{w.mass_error:.1g}", ""),
-        ("harvested per hour", f"{0.36 * plan.area / w.cut if w.cut else 0.0:.2f}", "ha/h"),
-        ("field efficiency", f"{100.0 * w.efficiency:.1f}", "%"),
-        ("diesel of all machines", f"{litres_per_ha(w):.1f}", "l/ha"),
+        ("ground that no pass of the plan cuts", num(100.0 * plan.left / plan.area), "%"),
+        ("grain at the truck", num(w.schedule.delivered / 1000.0), "t"),
+        ("mass error, over all grain", num(w.mass_error), ""),
+        ("harvested per hour", num(0.36 * plan.area / w.cut if w.cut else 0.0), "ha/h"),
+        ("field efficiency", num(100.0 * w.efficiency), "%"),
+        ("diesel of all machines", num(litres_per_ha(w)), "l/ha"),
     ]
     if w.places:
-        rows.append(("most that a machine was off its path", f"{100.0 * w.stray:.1f}", "cm"))
-        rows.append(("machines over each other", f"{math.fsum(w.contact.values()):.1f}", "s"))
+        rows.append(("most that a machine was off its path", num(100.0 * w.stray), "cm"))
+        rows.append(("machines over each other", num(math.fsum(w.contact.values())), "s"))
     return rows
 
 
@@ -91,10 +92,10 @@ def machine_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:
     rows, took = [], used(w)
     for name in w.spans:
         out = [p for p in w.poured if p.source == name]
-        minutes = [f"{w.minutes(name, state):.1f}" for state in SHOWN]
+        minutes = [num(w.minutes(name, state)) for state in SHOWN]
         tons = math.fsum(p.amount for p in out) / 1000.0
-        driven = f"{took[name].way / 1000.0:.1f}", f"{took[name].litres:.0f}"
-        rows.append([name, *minutes, str(len(out)), f"{tons:.1f}", *driven])
+        driven = num(took[name].way / 1000.0), num(took[name].litres)
+        rows.append([name, *minutes, str(len(out)), num(tons), *driven])
     return ("machine", *SHOWN, "loads", "grain t", "way km", "diesel l"), rows
 
 
@@ -109,14 +110,14 @@ def pair_rows(w: Worked) -> list[tuple[str, str, str, str]]:
     for (source, target), loads in sorted(pairs.items()):
         mass = math.fsum(kg for kg, _ in loads)
         moving = 100.0 * math.fsum(kg for kg, on_the_go in loads if on_the_go) / max(mass, 1e-9)
-        rows.append((f"{source}, {target}", str(len(loads)), f"{mass / 1000.0:.1f}", f"{moving:.0f}"))
+        rows.append((f"{source}, {target}", str(len(loads)), num(mass / 1000.0), num(moving)))
     return rows
 
 
 def wait_rows(w: Worked) -> list[tuple[str, str, str]]:
     """Machine, for what or whom it waited, minutes; the longest first."""
     rows = [(name, reason, minutes) for name in w.spans for reason, minutes in w.waited(name).items()]
-    return [(n, r, f"{m:.1f}") for n, r, m in sorted(rows, key=lambda row: -row[2]) if m >= 0.05]
+    return [(n, r, num(m)) for n, r, m in sorted(rows, key=lambda row: -row[2]) if m >= 0.05]
 
 
 def to_dict(w: Worked) -> dict[str, Any]:
@@ -188,12 +189,12 @@ def write_result(w: Worked, name: str, summary: str, out: Path, changes: str = "
 
 def outcome(w: Worked) -> str:
     """What a job takes, and how far that is from the least that any plan could take."""
-    took, bound = f"**{w.ends / 3600.0:.2f} h** until the last grain is at the truck", w.schedule.bound
+    took, bound = f"**{num(w.ends / 3600.0)} h** until the last grain is at the truck", w.schedule.bound
     if bound <= 0.0:
         return took
     plans = counted(len(w.schedule.compared), "plan")
     gap = 100.0 * (w.ends / bound - 1.0)
-    return f"{took}, the best of {plans}; none takes less than {bound / 3600.0:.2f} h (gap {gap:.0f} %)"
+    return f"{took}, the best of {plans}; none takes less than {num(bound / 3600.0)} h (gap {num(gap)} %)"
 
 
 def draw(w: Worked) -> Any:
@@ -393,12 +394,12 @@ def _moments(w: Worked) -> list[dict[str, Any]]:
     found = []
     for p in w.poured:
         kind = "change" if p.target == "truck" else "load"
-        text = f"{p.amount / 1000.0:.1f} t into {p.target}"
+        text = f"{num(p.amount / 1000.0)} t into {p.target}"
         found.append({"machine": p.source, "t_s": p.begins, "end_s": p.ends, "kind": kind, "text": text})
     for name, spans in w.spans.items():
         found += [
             {"machine": name, "t_s": s.begin, "end_s": s.end, "kind": "gap",
-             "text": f"waits {s.end - s.begin:.0f} s for {s.reason}"}
+             "text": f"waits {num(s.end - s.begin)} s for {s.reason}"}
             for s in spans if s.state == WAIT and s.end - s.begin >= TOLD
         ]  # fmt: skip
     return sorted(found, key=lambda e: (e["t_s"], e["machine"]))

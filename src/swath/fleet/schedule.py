@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.fleet.dispatcher import Ahead, Dispatcher, Option, State, dispatcher_of
 from swath.fleet.files import JobFile
 from swath.fleet.ground import CELL, Ground, run_of, shapely_here
@@ -430,13 +431,13 @@ class Scheduler:
         for todo in self.todo():
             todo.clear()
         self.schedule.notes.append(
-            f"{len(passes)} passes, {crop:.0f} m2, left uncut: there is no way to them"
+            f"{len(passes)} passes, {num(crop)} m2, left uncut: there is no way to them"
         )
 
     def stuck(self, busy: Sequence[CombineState]) -> InputError:
         """What stands where, when no machine can go on."""
         where = ", ".join(
-            f"{c.spec.name} at ({c.place.x:.0f}, {c.place.y:.0f}) in the field's frame" for c in busy
+            f"{c.spec.name} at ({num(c.place.x)}, {num(c.place.y)}) in the field's frame" for c in busy
         )
         expected = f"expected ground on which machines find a way; {self.left} passes left, {where}"
         return InputError("field.around_m", self.job.field.around_m, expected)

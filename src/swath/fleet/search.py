@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.fleet.dispatcher import BUILT_IN
 from swath.fleet.files import JobFile
 from swath.fleet.ground import SQUARE_M_PER_HA_T, Ground, shapely_here
@@ -53,7 +54,7 @@ def best_of(
         what, own = plan
         tried.add(what)
         kept = None if best is None else best[1]
-        so_far = "" if kept is None else f", best {kept.ends / 3600.0:.2f} h, bound {bound / 3600.0:.2f} h"
+        so_far = "" if kept is None else f", best {num(kept.ends / 3600.0)} h, bound {num(bound / 3600.0)} h"
         told(f"plan {len(compared) + 1} of {job.fleet.plans}{so_far}")
         ends = math.inf
         try:
@@ -107,7 +108,7 @@ def _changed(job: JobFile, first: Scheduler) -> Iterator[tuple[str, JobFile]]:
     yield from draws[1:2]
     if first.job.plan.direction_deg is None and not first.job.plan.passes_m and not first.job.drawn:
         for degrees in directions(first):
-            yield f"passes at {degrees:.0f} deg", replace(job, plan=replace(job.plan, direction_deg=degrees))
+            yield f"passes at {num(degrees)} deg", replace(job, plan=replace(job.plan, direction_deg=degrees))
     yield from draws[2:]
 
 

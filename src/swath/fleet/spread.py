@@ -14,6 +14,7 @@ from pathlib import Path
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import file_of
+from swath.core.number_text import num
 from swath.core.random import Stream
 from swath.documents.contents import file_hash
 from swath.documents.json_file import read_object
@@ -59,7 +60,7 @@ def spread_of(
     out: folder that keeps what is done: a job that was stopped goes on. told: called for each draw
     """
     if not 0.0 < percent <= MOST:
-        raise InputError("--spread", percent, f"expected more than 0 and at most {MOST:g} percent")
+        raise InputError("--spread", percent, f"expected more than 0 and at most {num(MOST)} percent")
     kept = _kept(out, key := _key(job, base, percent))
     for number in range(len(kept), DRAWS):
         told(f"draw {number + 1} of {DRAWS}")

@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.number_text import num
 from swath.fleet.machines import Cart, Combine
 from swath.fleet.schedule import Poured, Schedule
 from swath.fleet.table import Order, Segment, Table, order_of
@@ -319,7 +320,7 @@ def checked(worked: Worked) -> list[str]:
     notes = [*_far_over(worked), *worked.schedule.notes, *worked.schedule.plan.notes]
     if worked.schedule.plan.left > 0.0:
         share = 100.0 * worked.schedule.plan.left / worked.schedule.plan.area
-        notes.append(f"{worked.schedule.plan.left:.0f} m2 ({share:.2f} %) are in no pass")
+        notes.append(f"{num(worked.schedule.plan.left)} m2 ({num(share)} %) are in no pass")
     served = {p.target for p in worked.poured}
     idle = [k.name for k in worked.schedule.machines.carts if k.name not in served]
     return [*notes, *(f"{name} takes no load: the job needs fewer carts" for name in idle)]
@@ -330,11 +331,11 @@ def _far_over(worked: Worked) -> list[str]:
     if not 0.0 < worked.schedule.bound * FAR < worked.ends:
         return []
     times = worked.ends / worked.schedule.bound
-    over = f"the job takes {times:.1f} times as long as the least that any plan could take"
+    over = f"the job takes {num(times)} times as long as the least that any plan could take"
     waits = [(minutes, name, why) for name in worked.spans for why, minutes in worked.waited(name).items()]
     if not waits:
         return [over]
     minutes, name, why = max(waits, key=lambda wait: wait[0])
     if minutes < 0.5:
         return [over]
-    return [f"{over}; the longest wait: {name}, {minutes:.0f} min for {why}"]
+    return [f"{over}; the longest wait: {name}, {num(minutes)} min for {why}"]

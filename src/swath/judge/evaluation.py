@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from swath.core.abilities import OTHER, Ending, EndsRun, HasNotes
 from swath.core.blocks import Looker, Seen, no_look
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import (
@@ -305,7 +306,10 @@ def _placed(outcome: tuple[float | None, str], event: Event | None) -> tuple[flo
     value, reason = outcome
     if not reason or event is None:
         return outcome
-    return value, f"{reason} ({event.kind} at {event.t / NS:.1f} s, {event.distance:.1f} m)"
+    return (
+        value,
+        f"{reason} ({event.kind} at {num(event.t / NS, places=1)} s, {num(event.distance, places=1)} m)",
+    )
 
 
 def incident(event: Event) -> dict[str, Any]:

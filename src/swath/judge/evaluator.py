@@ -13,7 +13,7 @@ import dataclasses
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
@@ -129,8 +129,7 @@ class Metric:
     group: heading in lists and reports
     better: the better direction, "" where neither is
     label: name in reports, by default the name in words
-    shown: unit in reports, by default `unit`
-    decimals: decimals in reports, -1 for two digits with an exponent
+    shown, decimals: of version 0.2, for reports: numbers are written by `swath.core.number_text` now
     is_windowed: whether it can also be computed of a part of the run
     """
 
@@ -140,8 +139,8 @@ class Metric:
     group: str
     better: Literal["lower", "higher", ""] = ""
     label: str = ""
-    shown: str = ""
-    decimals: int = 2
+    shown: InitVar[str] = ""
+    decimals: InitVar[int] = 2
     is_windowed: bool = True
 
 

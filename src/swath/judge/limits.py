@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.number_text import num
 from swath.judge.evaluator import Event
 from swath.judge.windows import Window
 from swath.scenario.resolved import Expectation
@@ -84,9 +85,9 @@ def check_samples(limit: Limit, tracks: Mapping[str, F64], name: str, event: Eve
         return worst, _outside(limit, worst)
     if limit.hold == "eventually":
         best = float(values[np.argmin(outside)])
-        return best, _outside(limit, best) and f"never within the bounds, nearest {best:.4g}"
+        return best, _outside(limit, best) and f"never within the bounds, nearest {num(best)}"
     share, wanted = float(np.mean(outside <= 0.0)), float(limit.hold or 1.0)
-    return share, f"{share:.4g} of the time, expected {wanted:g}" if share < wanted else ""
+    return share, f"{num(share)} of the time, expected {num(wanted)}" if share < wanted else ""
 
 
 def _distance_outside(bounds: Bounds, values: F64) -> F64:
@@ -99,7 +100,7 @@ def _distance_outside(bounds: Bounds, values: F64) -> F64:
 def _outside(bounds: Bounds, value: float) -> str:
     """What is wrong with a value, "" where it is within the bounds."""
     if bounds.min is not None and value < bounds.min:
-        return f"{value:.4g} is less than {bounds.min:g}"
+        return f"{num(value)} is less than {num(bounds.min)}"
     if bounds.max is not None and value > bounds.max:
-        return f"{value:.4g} is more than {bounds.max:g}"
+        return f"{num(value)} is more than {num(bounds.max)}"
     return ""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from swath.core.number_text import num, percent_of
 from swath.core.schedule import NS
 from swath.record.charts import shown_charts
 from swath.record.message_factory import RecordedMachine
@@ -84,7 +85,7 @@ def _ways(ax: Any, found: FlowSampler) -> None:
         _band(ax, [(x, y), (middle, y), (middle, to_y), (to_x, to_y)], mass * inch, colour)
 
     def say(x: float, y: float, label: str, mass: float, share: str = "", ha: str = "left") -> None:
-        ax.text(x, y, f"{label} {mass:,.{0 if mass >= 100.0 else 2}f} kg{share}", va="center", ha=ha)
+        ax.text(x, y, f"{label} {num(mass)} kg{share}", va="center", ha=ha)
 
     across(HEADER, TOP, DRUM, TOP, cut, plots.CROP)
     say(HEADER, TOP - 0.14, "cut", cut)
@@ -100,7 +101,7 @@ def _ways(ax: Any, found: FlowSampler) -> None:
             x, y = SHOE, y + AISLE
             organs.append((x, y, "cleaning", shoe))
         across(x, y, END, to, mass, colour)
-        share = f", {100.0 * mass / grain:.2g} % of the grain" if label in LOST_AS and grain > 0.0 else ""
+        share = f", {percent_of(mass / grain)} of the grain" if label in LOST_AS and grain > 0.0 else ""
         say(END + 0.08, to + 0.5 * mass * inch, label, mass, share)
         y, to = y + mass * inch, to + mass * inch + GAP
     low, into = y + 0.5 * back * inch, TOP + (cut + 0.5 * back) * inch

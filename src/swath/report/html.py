@@ -219,17 +219,6 @@ def write_page(path: Path, sections: Sequence[Any], **values: Any) -> Path:
     return write_whole(path, render_page(sections, **values))
 
 
-def signed(value: float, digits: int) -> str:
-    """A number with a real minus sign, and without one where it rounds to 0; a dash for nan.
-
-    Thousands are set off by narrow spaces.
-    """
-    if value != value:
-        return "–"
-    text = f"{value:,.{digits}f}"
-    return text.replace("-", "−" if text.strip("-0.") else "").replace(",", "\u202f")
-
-
 def cell(text: object, *, is_number: bool) -> Html:
     """A cell of a table: one word stays whole, numbers have real minus signs."""
     made, plain = escaped(text), "" if isinstance(text, Html) else str(text)

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.report.html import Html, element, joined
 from swath.terminal.outcome import limit_text, result_of
-from swath.terminal.tables import number
 
 SHOWN = ("Edge", "Speed")  # charts, the first curve of each
 
@@ -24,10 +24,10 @@ def _image(address: str) -> Html:
 
 def run_html(title: str, summary: Mapping[str, Any], folder: Path) -> Html:
     """Limits and metrics of a run, and how it steered."""
-    rows = [(e["name"], number(e["value"]), limit_text(e), result_of(e)) for e in summary.get("expect", [])]
+    rows = [(e["name"], num(e["value"]), limit_text(e), result_of(e)) for e in summary.get("expect", [])]
     named = {row[0] for row in rows}
     plain = {k: v for k, v in summary.items() if isinstance(v, int | float) and not isinstance(v, bool)}
-    rows += [(k, number(v), "", "") for k, v in plain.items() if k not in named]
+    rows += [(k, num(v), "", "") for k, v in plain.items() if k not in named]
     lines = [element("tr", joined([element("td", text) for text in row], "")) for row in rows]
     table = joined((element("summary", "metrics"), element("table", joined(lines, ""))), "")
     tracks = folder / "tracks.parquet"

@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+from swath.core.number_text import num, percent_of, span
 from swath.documents.data_sheets import TAGS
 from swath.judge.catalogue import EvaluatorCatalogue, load_evaluators
 from swath.judge.evaluator import Metric
@@ -22,16 +23,11 @@ from swath.report.html import (
     escaped,
     joined,
     render_page,
-    signed,
     verdict,
 )
-from swath.runtime.credibility import span
 from swath.scenario.scenario import changes_in
-from swath.terminal.outcome import NOT_JUDGED, incident_text, limit_text, result_of, window_text
-from swath.terminal.tables import number
+from swath.terminal.outcome import NOT_JUDGED, incident_text, limit_text, result_of, value_text, window_text
 
-FACTORS = {("m", "cm"): 100.0, ("1", "%"): 100.0}  # (unit, shown unit) -> factor
-PRETTY = {"m2": "m²", "1": ""}
 INCIDENTS = ("time [s]", "distance [m]", "x [m]", "y [m]", "machine", "what", "")
 CREDIBILITY = ("slot", "quantity", "", "met", "checked", "level", "by")
 INPUTS = ("machine", "metrics", "numbers of data sheets, where they come from", "% of a metric for 1 % of")
@@ -49,8 +45,8 @@ FOOTER = (
     "metric."
 )
 RUN = (
-    Metric("simulated_s", "s", "simulated time", "Run", label="simulated time", decimals=1),
-    Metric("wall_s", "s", "wall time", "Run", label="wall time", decimals=1),
+    Metric("simulated_s", "s", "simulated time", "Run", label="simulated time"),
+    Metric("wall_s", "s", "wall time", "Run", label="wall time"),
 )
 
 
@@ -148,13 +144,13 @@ def _head(expect: Sequence[Mapping[str, Any]]) -> tuple[str, str, str]:
 def limit_row(entry: Mapping[str, Any], metrics: Mapping[str, Metric]) -> dict[str, str]:
     """What the page says of a limit and of what came."""
     metric = metrics.get(entry["name"])  # None: a column of the tracks, whose name ends with its unit
-    say = number if metric is None else partial(shown_value, metric)
+    unit = "" if metric is None else metric.unit
     return {
         "subject": entry["subject"],
         "name": entry["name"],
-        "limit": limit_text(entry, say),
+        "limit": limit_text(entry, partial(num, unit=unit)),
         "window": window_text(entry),
-        "value": say(entry["value"]),
+        "value": value_text(entry["value"], entry, unit),
         "result": result_of(entry),
         "reason": entry.get("reason", ""),
         "error": _level_error(entry, metric),
@@ -166,14 +162,14 @@ def _level_error(entry: Mapping[str, Any], metric: Metric | None) -> str:
     error = entry.get("level_error")
     if error is None or metric is None:
         return ""
-    return f"{shown_value(metric, error['size'])} ({error['slot']} against {error['against']})"
+    return f"{num(error['size'], metric.unit)} ({error['slot']} against {error['against']})"
 
 
 def _credibility(summary: Mapping[str, Any]) -> list[Fold]:
     """What was met, against what each level was checked for, in a line that opens."""
     told = summary.get("credibility", {})
     rows = [
-        [slot, row["quantity"], row["state"] or "not met", "–" if row["met"] is None else span(row["met"]),
+        [slot, row["quantity"], row["state"] or "not met", "-" if row["met"] is None else span(row["met"]),
          span(row["checked"]), of["level"], row["source"]]
         for slot, of in told.get("slots", {}).items() for row in of["quantities"]
     ]  # fmt: skip
@@ -202,7 +198,7 @@ def _inputs(summary: Mapping[str, Any]) -> Iterator[list[str]]:
                 for source, tags in told["numbers"].items()
             ]
             most = [
-                f"{row['key']} {row['value']:g} ({_origin(row['tag'])}): {row['percent_per_percent']:+g}"
+                f"{row['key']} {num(row['value'])} ({_origin(row['tag'])}): {num(row['percent_per_percent'])}"
                 for row in told["matter_most"]
             ]
             alike.setdefault((machine, "; ".join(sources), "; ".join(most) or "–"), []).append(name)
@@ -216,7 +212,7 @@ def _origin(tag: str) -> str:
 
 
 def _incident_row(event: Mapping[str, Any]) -> list[str]:
-    place = [f"{event[key]:.1f}" for key in ("t_s", "distance_m", "x_m", "y_m")]
+    place = [num(event[key], places=1) for key in ("t_s", "distance_m", "x_m", "y_m")]
     text = incident_text(event).partition(f"{event['kind']}: ")[2]
     return [*place, event["machine"], event["kind"], text]
 
@@ -243,26 +239,8 @@ def _metric_row(metric: Metric, value: Any) -> list[Html]:
     label = metric.label or metric.name.removesuffix("_" + metric.unit).replace("_", " ")
     name = joined((label, element("small", metric.name, class_="id")))
     return [
-        element("span", name, title=metric.meaning), element("span", shown_value(metric, value), class_="v")
+        element("span", name, title=metric.meaning), element("span", num(value, metric.unit), class_="v")
     ]  # fmt: skip
-
-
-def shown_value(metric: Metric, value: Any) -> str:
-    """A value of a metric as a report shows it: its decimals, but four digits at most; counts are whole."""
-    if value is None:
-        return "–"
-    unit = metric.shown or metric.unit
-    scaled = float(value) * FACTORS.get((metric.unit, unit), 1.0)
-    if metric.decimals < 0:
-        text = f"{scaled:.1e}" if scaled else "0"
-    else:
-        whole = len(f"{abs(scaled):.0f}")
-        decimals = min(metric.decimals, max(4 - whole, 0))
-        if metric.decimals > 0 and whole > 4:
-            scaled = round(scaled, 4 - whole)
-        text = signed(scaled, decimals)
-    unit = PRETTY.get(unit, unit)
-    return f"{text}\u00a0{unit}" if unit else text
 
 
 def _cost(summary: Mapping[str, Any]) -> list[list[object]]:
@@ -275,10 +253,10 @@ def _cost(summary: Mapping[str, Any]) -> list[list[object]]:
         [
             slot,
             str(c["steps"]),
-            f"{signed(1e6 * c['seconds'] / c['steps'] if c['steps'] else 0.0, 0)} µs",
-            f"{c['seconds']:.2f} s",
-            f"{100 * c['seconds'] / total:.1f} %",
-            f"{100 * c['seconds'] / simulated:.1f} %" if simulated else "–",
+            num(1e6 * c["seconds"] / c["steps"] if c["steps"] else None, "µs"),
+            num(c["seconds"], "s"),
+            percent_of(c["seconds"] / total),
+            percent_of(c["seconds"] / simulated if simulated else None),
             bar(c["seconds"] / longest, most=300.0),
         ]
         for slot, c in cost.items()

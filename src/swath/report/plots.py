@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.files.whole_file import new_file
+from swath.core.number_text import num
 from swath.core.process.collector import give_back
 from swath.judge.evaluators.edge_detection import EdgeSeries
 from swath.judge.evaluators.lateral_error import PathSeries
@@ -303,7 +304,7 @@ def plot_scan(ax: Any, scan: KeptScan, geometry: MachineGeometry, side: str) -> 
     if scan.edge is not None and scan.edge.is_found:
         ax.axvline(scan.edge.offset, color=ORANGE, lw=1.4, label="detected edge")
     ax.axvline(centre, color=GREY, lw=1.0, ls=":", label="header end")
-    ax.set_title(f"{scan.distance:.1f} m, {_difference(scan)}", loc="left", fontsize=9.5, color=INK, y=1.0)
+    ax.set_title(f"{num(scan.distance)} m, {_difference(scan)}", loc="left", fontsize=9.5, color=INK, y=1.0)
     top = max(1.6, float(np.percentile(z[near], 98.0)) + 0.2) if near.any() else 1.6
     if not ax.get_autoscaley_on():  # shared with a scan drawn before
         top = max(top, ax.get_ylim()[1])
@@ -321,7 +322,7 @@ def _difference(scan: KeptScan) -> str:
         return "no edge detected"
     if not np.isfinite(scan.edge_true):
         return "there is no true edge"
-    return f"detected {100 * abs(scan.edge.offset - scan.edge_true):.1f} cm from the true edge"
+    return f"detected {num(abs(scan.edge.offset - scan.edge_true), 'm')} from the true edge"
 
 
 def unloading_figure(series: UnloadingSeries, machine: str) -> Any:
@@ -354,7 +355,7 @@ def _grain(fig: Any, ax: Any, heap: HeapRows) -> None:
     bar = fig.colorbar(mesh, cax=inset, orientation="horizontal")
     bar.ax.xaxis.set_ticks_position("top")
     bar.ax.tick_params(labelsize=9, pad=1, length=2)
-    said = f"grain above the floor [m]; black line: the rim, {heap.depth:.2f} m"
+    said = f"grain above the floor [m]; black line: the rim, {num(heap.depth)} m"
     ax.set_title(said, loc="left", fontsize=9, color=GREY, y=1.0)
     ax.set_ylabel("ahead of the\nbox's middle [m]")
     ax.grid(visible=False)
@@ -381,5 +382,5 @@ def _fill(ax: Any, heap: HeapRows, missed: float) -> None:
     ax.plot(heap.t, 100.0 * heap.level, color=GREEN, lw=1.4, label="fill, of the largest heap")
     ax.set_ylabel("fill [%]")
     ax.set_ylim(0.0, 105.0)
-    ax.set_title(f"missed the box in all: {missed:.1f} kg", loc="right", fontsize=9, color=GREY, y=1.0)
+    ax.set_title(f"missed the box in all: {num(missed)} kg", loc="right", fontsize=9, color=GREY, y=1.0)
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2, borderaxespad=0.1)

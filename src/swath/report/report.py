@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num
 from swath.field.memory_layout import Solids
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluation import Evaluation
@@ -142,7 +143,7 @@ def pictures_figure(pictures: Sequence[KeptPicture]) -> Any:
             drawn = ax.imshow(image.depth, cmap="viridis_r", vmin=0.0, vmax=far)
         if picture.boxes is not None:
             _draw_boxes(ax, picture.boxes)
-        ax.set_title(f"{picture.distance:.1f} m, {image.t * 1e-9:.1f} s", loc="left", fontsize=9.5)
+        ax.set_title(f"{num(picture.distance)} m, {num(image.t * 1e-9)} s", loc="left", fontsize=9.5)
     for ax in axes:
         ax.set_axis_off()
     if drawn is not None:
@@ -165,7 +166,7 @@ def _draw_boxes(ax: Any, boxes: ImageBoxes) -> None:
         ax.text(
             left,
             bottom + 2.0,
-            f"{OBSTACLE_KINDS[kind]}, {distance:.1f} m",
+            f"{OBSTACLE_KINDS[kind]}, {num(distance)} m",
             color="white",
             fontsize=9.0,
             va="top",
@@ -351,7 +352,7 @@ class ReportWriter(RunHook):
 
 def _of_killed(played: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
     """The summary of a run that left none, by that of its recording as it was played."""
-    what = f"the run was killed: this is what its recording holds, {played['simulated_s']:.1f} s"
+    what = f"the run was killed: this is what its recording holds, {num(played['simulated_s'])} s"
     own = {"summary": scenario.summary, "incomplete": True, "digest": "", "notes": [what, *played["notes"]]}
     return {**played, **own}
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.number_text import num
 from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import Column, arrays_of
 from swath.report.chart import Chart
 from swath.report.html import Fold, Table, element
-from swath.terminal.tables import number
 
 HEAD = ("column of tracks.parquet", "least", "greatest", "over time")
 ABOUT = "What slots sent as single numbers, and what was judged on the way. {}"
@@ -30,8 +30,8 @@ def sent(machine: RecordedMachine, columns: Sequence[Column], tracks: Mapping[st
             empty.append(f"`{column.name}`")
             continue
         name = element("code", column.name, title=column.meaning)
-        course = (number(high), _course(values, low, high, column.name)) if low < high else ("", "")
-        rows.append([name, number(low), *course])
+        course = (num(high), _course(values, low, high, column.name)) if low < high else ("", "")
+        rows.append([name, num(low), *course])
     text = ABOUT.format(f"Without a number: {', '.join(empty)}." if empty else "")
     seen = [(o, arrays_of(kind), kind.about.seen_as) for o, kind in machine.outputs.items()]
     arrays = [[f"{output}: {', '.join(names)}", place] for output, names, place in seen if names]

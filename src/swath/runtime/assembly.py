@@ -30,6 +30,7 @@ from swath.core.fault import NOTHING, FaultyOutput
 from swath.core.foreign_code import through
 from swath.core.frames import Pose
 from swath.core.graph import Graph, Node
+from swath.core.number_text import num
 from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.schedule import Slot, from_hz
@@ -100,7 +101,7 @@ def check_side(section: MachineSection, edge: EdgeShape) -> None:
 def check_start(machines: Mapping[str, Machine], field: Field, bodies: Bodies) -> None:
     """No machine may start in another one or in an obstacle, and one that cuts must start in the field."""
     for contact in bodies.contacts():
-        at = f"({contact.point[0]:.1f}, {contact.point[1]:.1f})"
+        at = f"({num(contact.point[0], places=1)}, {num(contact.point[1], places=1)})"
         expected = f"expected another place: it overlaps {contact.second} at {at} m"
         raise InputError(f"{contact.first.removesuffix(TRAILER)}.start", None, expected)
     for name, machine in machines.items():
@@ -116,7 +117,7 @@ def check_room(scenario: Scenario, machine: Machine, field: Field) -> None:
     begin, distance = start.along_edge_m, scenario.run.distance_m
     room = edge.length - (0.0 if edge.is_closed else begin) - LOOK_AHEAD_M
     if distance > room:
-        expected = f"expected at most {max(room, 0.0):.0f} m, the edge ends there"
+        expected = f"expected at most {num(max(room, 0.0))} m, the edge ends there"
         raise InputError("run.distance_m", distance, expected)
     s = np.linspace(begin, begin + distance + LOOK_AHEAD_M, 200)
     along, at = edge.heading_at(s), edge.point_at(s)
@@ -128,7 +129,7 @@ def check_room(scenario: Scenario, machine: Machine, field: Field) -> None:
         is_inside[: is_inside.argmax()] = True  # a slanted headland
         if not np.all(is_inside):
             short = float(s[np.argmin(is_inside)] - begin)
-            expected = f"expected a field that covers the run, it ends after {short:.0f} m"
+            expected = f"expected a field that covers the run, it ends after {num(short)} m"
             raise InputError("run.distance_m", distance, expected)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.runtime.changes import Interventions, Restart
 
@@ -39,7 +40,7 @@ class Branch(Restart):
     """
 
     def __init__(self, start: Start, out: Path, events: Sequence[Mapping[str, Any]]) -> None:
-        super().__init__(f"goes on from {start.at / NS:g} s in {out}")
+        super().__init__(f"goes on from {num(start.at / NS)} s in {out}")
         self.start, self.out, self.events = start, out, events
 
 
@@ -72,7 +73,7 @@ def ask_branch(
     if out is None:
         raise SwathError("expected a run with a folder")
     if not 0.0 < at_s <= now / NS:
-        raise InputError("at_s", at_s, f"expected a time of the run, above 0 and up to {now / NS:g} s")
+        raise InputError("at_s", at_s, f"expected a time of the run, above 0 and up to {num(now / NS)} s")
     for key, value in sets.items():
         changes.check(key, value)
     events = branched_events(changes.events, at_s, sets)

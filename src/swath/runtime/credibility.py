@@ -25,6 +25,7 @@ import numpy as np
 from swath.core.abilities import Ending, HasRanges
 from swath.core.blocks import ShownToAll
 from swath.core.errors import InputError
+from swath.core.number_text import span
 from swath.core.packed_state import saved_type
 from swath.core.registry import Checked, KnownError
 from swath.core.schedule import NS
@@ -431,9 +432,3 @@ def holds(checked: Checked, value: float) -> bool:
     """Whether a value lies in a range."""
     first, last = _with_slack(checked)
     return first <= value <= last
-
-
-def span(ends: Sequence[float]) -> str:
-    """Ends of a range as text."""
-    low, high = ends
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

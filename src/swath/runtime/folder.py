@@ -12,6 +12,7 @@ from swath.core.errors import InputError, absence_of
 from swath.core.files.output_folder import LOCK, check_folder, check_free, held
 from swath.core.files.place import remove, remove_folder
 from swath.core.files.whole_file import PART
+from swath.core.number_text import num
 from swath.documents.json_file import read_object
 from swath.documents.packed import readable
 from swath.documents.text_file import read_text
@@ -94,7 +95,7 @@ def choose_scan_folder(
 
 def scan_of(scenario: Scenario, at_s: float) -> str:
     """What a scan is of, in words."""
-    return f"{scenario.summary or scenario.name}, seed {scenario.seed}, at {at_s:g} s"
+    return f"{scenario.summary or scenario.name}, seed {scenario.seed}, at {num(at_s)} s"
 
 
 def scan_in(folder: Path) -> str | None:
@@ -138,7 +139,7 @@ def _changes_of(folder: Path) -> str | None:
 
 def _changes(name: str, summary: str, events: Iterable[Mapping[str, Any]]) -> str:
     """What was changed of a scenario, before a run and on its way."""
-    on_way = (f"{event['set']}={event['value']} at {event['t_s']:g} s" for event in events)
+    on_way = (f"{event['set']}={event['value']} at {num(event['t_s'])} s" for event in events)
     return "; ".join(filter(None, (changes_in(name, summary), *on_way)))
 
 

@@ -13,6 +13,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import through
 from swath.core.graph import Observer
+from swath.core.number_text import num
 from swath.core.packed_state import UnpackableState
 from swath.core.process.stopping import stoppable, unstopped
 from swath.core.schedule import NS
@@ -427,11 +428,11 @@ def _ended(world: World, *, incomplete: bool) -> dict[str, str]:
     run, why = world.scenario.run, world.graph.ended
     if why:
         kind = why.kind if isinstance(why, Ending) else OTHER
-        return {"reason": kind, "text": f"the run ended at {world.graph.t / NS:.2f} s: {why}"}
+        return {"reason": kind, "text": f"the run ended at {num(world.graph.t / NS, places=2)} s: {why}"}
     if incomplete or has_arrived(world):
         return {"reason": STOPPED if incomplete else DISTANCE, "text": ""}
-    what = f"the run ended at max_duration_s = {run.max_duration_s:g}"
-    return {"reason": TIME, "text": f"{what}, after {driven_m(world):.2f} of {run.distance_m:g} m"}
+    what = f"the run ended at max_duration_s = {num(run.max_duration_s)}"
+    return {"reason": TIME, "text": f"{what}, after {num(driven_m(world))} of {num(run.distance_m)} m"}
 
 
 @contextmanager
@@ -452,4 +453,6 @@ def _progress_bar(world: World, wanted: bool) -> Iterator[Progress | None]:
     with Bar(text, BarColumn(), at, TimeRemainingColumn(), console=console, transient=True) as bar:
         run = world.scenario.run
         task = bar.add_task(world.scenario.name, total=run.distance_m, at="")
-        yield lambda driven, t: bar.update(task, completed=driven, at=f"{driven:.0f} m, {t:.0f} s simulated")
+        yield lambda driven, t: bar.update(
+            task, completed=driven, at=f"{num(driven)} m, {num(t)} s simulated"
+        )

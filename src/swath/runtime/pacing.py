@@ -24,6 +24,7 @@ from typing import Any, Protocol
 
 from swath.core.errors import SwathError
 from swath.core.graph import Graph
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.runtime.assembly import exchange, make_part
 from swath.runtime.world import World
@@ -178,8 +179,8 @@ class Pacer:
 
     def report(self) -> dict[str, Any]:
         """What happened, for summary.json."""
-        edges = [f"up to {step:g} ms" for step in STEPS_MS]
-        names = [*edges, f"over {STEPS_MS[-1]:g} ms"]
+        edges = [f"up to {num(step)} ms" for step in STEPS_MS]
+        names = [*edges, f"over {num(STEPS_MS[-1])} ms"]
         return {
             "factor": self._plan.factor,
             "on_overrun": self._plan.on_overrun,
@@ -199,16 +200,16 @@ class Pacer:
     @property
     def notes(self) -> list[str]:
         """The same in a few lines for people."""
-        found = [f"real time: latest tick {self.max_late / MS:.1f} ms"]
+        found = [f"real time: latest tick {num(self.max_late / MS)} ms"]
         if self.overruns:
             by_slot = ", ".join(f"{slot} {count}" for slot, count in self.overruns.most_common())
             found[0] += (
-                f", {self.overruns.total()} overruns of more than {self._plan.tolerance_ms:g} ms ({by_slot})"
+                f", {self.overruns.total()} overruns over {num(self._plan.tolerance_ms)} ms ({by_slot})"
             )
-            found[0] += f", {self.slipped / NS:.2f} s slipped"
+            found[0] += f", {num(self.slipped / NS, places=2)} s slipped"
         if "refused" in self.scheduling:
             found.append(f"real time: scheduling {self.scheduling}")
-        changed = [f"{e.slot} went from {e.before} to {e.after} at {e.t / NS:g} s" for e in self.exchanges]
+        changed = [f"{e.slot} went from {e.before} to {e.after} at {num(e.t / NS)} s" for e in self.exchanges]
         return found + [f"real time: {text}" for text in changed]
 
     def _work_ahead(self, now: int, due: int) -> int:
@@ -249,8 +250,8 @@ class Pacer:
         self.overruns[culprit] += 1
         if self._plan.on_overrun == "fail":
             raise OverrunError(
-                f"realtime: {late / MS:.1f} ms late at {t / NS:g} s of simulated time, expected at most "
-                f"{self._plan.tolerance_ms:g} ms; {culprit} used most of the time"
+                f"realtime: {num(late / MS)} ms late at {num(t / NS)} s of simulated time, expected at most "
+                f"{num(self._plan.tolerance_ms)} ms; {culprit} used most of the time"
             )
         if self._plan.on_overrun == "degrade":
             self._degrade(t)

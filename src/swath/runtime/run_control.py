@@ -17,6 +17,7 @@ from concurrent.futures import Future
 from typing import Any
 
 from swath.core.errors import InputError, SwathError
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.runtime.branch import ask_branch
 from swath.runtime.changes import Interventions, Restart
@@ -162,7 +163,7 @@ class RunControl(RunHook):
         def act(t: int) -> str:
             self.is_paused, self._until, self._origin = wanted, self.now(), None
             self._tell()
-            return f"{'paused' if wanted else 'running'} at {self.now() / NS:g} s"
+            return f"{'paused' if wanted else 'running'} at {num(self.now() / NS)} s"
 
         return self.ask(act)
 
@@ -181,13 +182,13 @@ class RunControl(RunHook):
         if not success:
             return success, message
         self._is_waiting.wait()
-        return True, f"at {self.now() / NS:g} s"
+        return True, f"at {num(self.now() / NS)} s"
 
     def restart(self) -> Reply:
         """Begin anew, into the same folder."""
 
         def act(t: int) -> str:
-            raise Restart(f"reset at {self.now() / NS:g} s")
+            raise Restart(f"reset at {num(self.now() / NS)} s")
 
         return self.ask(act)
 
@@ -204,7 +205,7 @@ class RunControl(RunHook):
         def act(t: int) -> str:
             if self.saves is None:
                 raise SwathError(self.back_refused)
-            return f"saved at {self.saves.save_now():g} s"
+            return f"saved at {num(self.saves.save_now())} s"
 
         return self.ask(act)
 
@@ -236,10 +237,10 @@ class RunControl(RunHook):
             if self._run is not None and self._run.world.scenario.is_paced:
                 raise SwathError("the run is paced by --real-time, its speed stays")
             if value and not SPEEDS[0] <= value <= SPEEDS[1]:
-                raise InputError("speed", value, f"expected 0, or {SPEEDS[0]:g} to {SPEEDS[1]:g}")
+                raise InputError("speed", value, f"expected 0, or {num(SPEEDS[0])} to {num(SPEEDS[1])}")
             self.speed, self._origin = value, None
             self._tell()
-            return f"speed {value:g}" if value else "as fast as it can"
+            return f"speed {num(value)}" if value else "as fast as it can"
 
         return self.ask(act)
 

@@ -19,6 +19,7 @@ from swath.core.errors import InputError, SwathError, reason_of
 from swath.core.files.place import remove
 from swath.core.files.read_file import open_to_read
 from swath.core.files.whole_file import copy_whole, open_to_append, write_whole
+from swath.core.number_text import num
 from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
 from swath.core.schedule import NS
 from swath.field.paging.state_file import write_state
@@ -61,7 +62,7 @@ class Saves(RunHook):
 
     def __init__(self, every_s: float = EVERY_S) -> None:
         if not every_s >= SHORTEST_S:
-            raise InputError("--save-every-s", every_s, f"expected at least {SHORTEST_S:g} s")
+            raise InputError("--save-every-s", every_s, f"expected at least {num(SHORTEST_S)} s")
         self._period = round(every_s * NS)
         self.refused, self.times = "", list[int]()
         self._run: ActiveRun | None = None

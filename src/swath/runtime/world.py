@@ -12,6 +12,7 @@ from swath.core.abilities import Closes, CountsBeams, CountsRays, HasNotes, HasR
 from swath.core.asked import ALL, Asked
 from swath.core.frames import Pose
 from swath.core.graph import Graph
+from swath.core.number_text import num
 from swath.core.schedule import NS, from_hz
 from swath.field.edges.track import EdgeShape
 from swath.field.field import Field
@@ -116,13 +117,14 @@ class Machine:
         """Rates that a sensor's maker does not offer, and those that are driven as others."""
         for slot, choice in self.slots.items():
             rate, part = choice.common.rate_hz, self.parts.get(slot)
-            key, driven = f"{self.name}.{slot}.rate_hz: {rate:g} Hz", NS / from_hz(rate)
+            key, driven = f"{self.name}.{slot}.rate_hz: {num(rate)} Hz", NS / from_hz(rate)
             sheet, offered = part.offered if isinstance(part, OffersRates) else ("", ())
             if offered and not any(abs(rate - r) < OFFERED * r for r in offered):
-                offer = ", ".join(f"{r:g}" for r in offered)
+                offer = ", ".join(num(r) for r in offered)
                 yield f"{key} is not a rate of the {sheet}, which has {offer} Hz"
             if abs(driven - rate) > DRIVEN * rate:
-                yield f"{key} runs at {driven:.6g} Hz, with a period of whole tenths of a millisecond"
+                runs = num(driven, "Hz", beside=[rate])
+                yield f"{key} runs at {runs}, with a period of whole tenths of a millisecond"
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.units import DEG
+from swath.core.units import DEG, rounded
 from swath.field.light import light
 from swath.field.site_setup import SiteSetup
 from swath.field.weather import SUN_STEP_S
@@ -274,14 +275,19 @@ def _sector(sector_deg: tuple[float, float] | None, sheet: LidarSheet) -> tuple[
         return low, high, cut
     first, last = (a * DEG for a in sector_deg)
     is_within = low - 1e-9 <= first and last <= high + 1e-9
-    wide = f"[{low / DEG:g}, {high / DEG:g}]"
+    wide = _ends(low / DEG, high / DEG)
     if not (first < last and first < high and last > low and last - first <= 2.0 * np.pi + 1e-9):
         raise InputError("sector_deg", list(sector_deg), f"expected [first, last] within {wide}")
     if not is_within:
         first, last = max(first, low), min(last, high)
-        asked, left = (f"[{a:g}, {b:g}]" for a, b in (sector_deg, (first / DEG, last / DEG)))
+        asked, left = _ends(*sector_deg), _ends(first / DEG, last / DEG)
         cut = f"lidar: sector_deg {asked} is wider than the view of the {sheet.name}, {wide}: {left} is used"
     return first, last, cut
+
+
+def _ends(first: float, last: float) -> str:
+    """A sector [deg], without what conversion left."""
+    return f"[{num(rounded(first, 6))}, {num(rounded(last, 6))}]"
 
 
 def _beam_axes(azimuth: F64, elevation: F64) -> F64:

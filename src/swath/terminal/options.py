@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.files.output_folder import held
+from swath.core.number_text import num
 
 
 def option(
@@ -38,7 +39,7 @@ def option(
     elif name.startswith("-") and not more.keys() & {"metavar", "choices", "nargs"}:
         more["action"] = "store_true"
     if isinstance(default, int | float | str) and default != "" and "default" not in text:
-        text += f" (default {default:g})" if isinstance(default, float) else f" (default {default})"
+        text += f" (default {num(default)})" if isinstance(default, float) else f" (default {default})"
     added = parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
     vars(added)["unit"] = unit
 

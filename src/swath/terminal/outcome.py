@@ -6,7 +6,8 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from swath.terminal.tables import number, result, table
+from swath.core.number_text import num
+from swath.terminal.tables import table
 
 NOT_JUDGED = "not judged"
 ORDER = {"fail": 0, NOT_JUDGED: 1, "not measured": 2}  # in the table: these first, the others as they come
@@ -48,8 +49,10 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
         if os.path.isfile(out / f"{page}.html"):
             print(f"{page}  {out / page}.html")
     size = sum(file.stat().st_size for file in out.rglob("*") if os.path.isfile(file))
-    took = "{simulated_s:.1f} s driven in {wall_s:.1f} s, ".format(**summary) if "wall_s" in summary else ""
-    print(f"folder  {out}: {took}{size / 1e6:.1f} MB")
+    took = ""
+    if "wall_s" in summary:
+        took = f"{num(summary['simulated_s'], 's')} driven in {num(summary['wall_s'], 's')}, "
+    print(f"folder  {out}: {took}{num(size / 1e6, 'MB')}")
 
 
 def result_of(entry: Mapping[str, Any]) -> str:
@@ -65,32 +68,39 @@ def exit_code(results: Iterable[str]) -> int:
     return 1 if found & {"fail", "broken"} else 0 if found <= {"pass", "shown"} else 3
 
 
-def limit_text(entry: Mapping[str, Any], say: Callable[[Any], str] = number) -> str:
+def limit_text(entry: Mapping[str, Any], say: Callable[[Any], str] = num) -> str:
     """The bounds of a limit, with `hold` and `while`. say: how a bound is written."""
     limit = entry["limit"]
     bounds = ", ".join(f"{key} {say(limit[key])}" for key in ("min", "max") if key in limit)
     hold = f" {limit['hold']}" if "hold" in limit else ""
     hold += f" because of {limit['because']}" if "because" in limit else ""
     whiles = (
-        f"{column} {' '.join(f'{k} {number(v)}' for k, v in bound.items() if v is not None)}"
+        f"{column} {' '.join(f'{k} {num(v)}' for k, v in bound.items() if v is not None)}"
         for column, bound in limit.get("while", {}).items()
     )
     return bounds + hold + "".join(f" while {text}" for text in whiles)
 
 
+def value_text(value: Any, entry: Mapping[str, Any] | None = None, unit: str = "") -> str:
+    """A value, with as many digits as tell it from the bounds of its limit."""
+    limit = {} if entry is None else entry["limit"]
+    return num(value, unit, beside=[limit[key] for key in ("min", "max") if key in limit])
+
+
 def window_text(entry: Mapping[str, Any]) -> str:
     """The window of a limit, empty where it has none."""
     window = entry.get("window", {})
-    return " " + ", ".join(f"{key} {number(value)}" for key, value in window.items()) if window else ""
+    return " " + ", ".join(f"{key} {num(value)}" for key, value in window.items()) if window else ""
 
 
 def incident_text(event: Mapping[str, Any]) -> str:
     """An incident in one line."""
-    place = f"{event['t_s']:.2f} s, {event['distance_m']:.1f} m ({event['x_m']:.1f}, {event['y_m']:.1f})"
+    x, y, way = (num(event[key], places=1) for key in ("x_m", "y_m", "distance_m"))
+    place = f"{num(event['t_s'], 's', places=2)}, {way} m ({x}, {y})"
     ended = event.get("end_t_s", event["t_s"])
     lasting = ", lasts to the end" if ended is None else ""
     if ended is not None and ended > event["t_s"]:
-        lasting = f", lasts {ended - event['t_s']:.1f} s"
+        lasting = f", lasts {num(ended - event['t_s'], 's')}"
     return f"{place}: {event['machine']} {event['kind']}: {event['text']}{lasting}"
 
 
@@ -114,16 +124,16 @@ def _rows(
         own = [e for e in expect if e["name"] == name]
         metric = known.get(name)
         unit = "" if metric is None or metric.unit == "1" else metric.unit
-        off = f" ± {number(errors[name])}" if name in errors else ""
+        off = f" ± {num(errors[name])}" if name in errors else ""
         value = metrics.get(name)
         is_telling = value or (metric is not None and metric.better == "higher")
         if name in metrics and (own or (is_telling and name not in (*given, *OF_THE_RUN))):
             held = next((e for e in own if not e.get("window") and "hold" not in e["limit"]), None)
             limit, said = ("", "") if held is None else (limit_text(held), result_of(held))
-            shown = number if said == "fail" else result
-            rows.append((name, shown(value) + off, unit, limit, said))
+            rows.append((name, value_text(value, held) + off, unit, limit, said))
             own = [e for e in own if e is not held]
         rows += [
-            (name + window_text(e), number(e["value"]) + off, unit, limit_text(e), result_of(e)) for e in own
+            (name + window_text(e), value_text(e["value"], e) + off, unit, limit_text(e), result_of(e))
+            for e in own
         ]
     return sorted(rows, key=lambda row: ORDER.get(row[-1], len(ORDER)))

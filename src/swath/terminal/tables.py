@@ -1,6 +1,7 @@
 """Tables and titled paragraphs on stdout."""
 
 import os
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,6 +9,10 @@ from swath.terminal.options import option
 
 PIPE_WIDTH = 1000  # columns of a pipe or file: lines stay whole
 EDGE, BETWEEN = 2, 3  # blanks beside a table, and between two of its columns
+_GROUP = r"(?<=\d) (?=\d{3}(?!\d))"  # a blank in a number
+_DOT = r"(?<=[^\W\d]\.)(?=[^\W\d])|(?<=[/,])(?=[^\d/])"  # in a key, a path or a list
+BLANK = re.compile(rf"(?!{_GROUP})\s+")
+INSIDE, ANYWHERE = re.compile(_DOT), re.compile(rf"(?!{_GROUP})\s+|{_DOT}")
 
 
 def wide_console() -> Any:
@@ -21,36 +26,77 @@ def wide_console() -> Any:
 
 
 def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table."""
+    """Print a table. Cells break between words, keys and paths behind a dot, `/` or `,`; rows of a table that
+    is too wide for that are printed one below the other.
+    """
     from rich import box
     from rich.table import Table
 
     console = wide_console()
+    cells = [[str(cell) for cell in row] for row in rows]
+    widths = _widths(columns, cells, console.width)
+    if sum(widths) + EDGE + BETWEEN * (len(columns) - 1) > console.width:
+        for line in [title] * bool(title) + _blocks(columns, cells, console.width):
+            print(line)
+        return
     made = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
-    for column, width in zip(columns, _widths(columns, rows, console.width), strict=True):
-        made.add_column(column, overflow="fold", width=width)
-    for row in rows:
-        made.add_row(*(str(cell).replace("[", "\\[") for cell in row))
+    heads, *texts = [
+        ["\n".join(broken(c, w)) for c, w in zip(row, widths, strict=True)] for row in (columns, *cells)
+    ]
+    for head, width in zip(heads, widths, strict=True):
+        made.add_column(head, no_wrap=True, width=width)
+    for row in texts:
+        made.add_row(*(cell.replace("[", "\\[") for cell in row))
     console.print(made)
 
 
+def broken(text: str, width: int) -> list[str]:
+    """The lines of a text, broken between words, within one behind a dot, `/` or `,` where it is too long.
+
+    What stays too long is not broken.
+    """
+    lines = [""]
+    for word in BLANK.split(text.strip()):
+        pieces = [word] if len(word) <= width else INSIDE.split(word)
+        for n, piece in enumerate(pieces):
+            joined = lines[-1] + " " * (n == 0 and lines[-1] != "") + piece
+            if len(joined) <= width or not lines[-1]:
+                lines[-1] = joined
+            else:
+                lines.append(piece)
+    return lines
+
+
 def _widths(columns: Sequence[str], rows: Sequence[Sequence[str]], most: int) -> list[int]:
-    """Widths of columns: those of their text; if that is too wide, the widest is narrowed first.
+    """Widths of columns: those of their text; if that is too wide, the widest is narrowed first, at last to
+    what may not be broken.
 
     most: width of the table with its edges and what is between columns
     """
-    cells = [[str(cell) for cell in column] for column in zip(columns, *rows, strict=True)]
-    cells[0] = [cell.replace(" ", "_") for cell in cells[0]]  # names stay whole
+    cells = list(zip(columns, *rows, strict=True))
+    names = [tuple(cell.replace(" ", "_") for cell in cells[0]), *cells[1:]]  # names stay whole if they can
     widths = [max(map(len, column)) for column in cells]
-    words = [max(len(word) for cell in column for word in (cell.split() or [""])) for column in cells]
     most -= EDGE + BETWEEN * (len(columns) - 1)
-    for least in (words, [1] * len(words)):
+    for of, parts in ((names, BLANK), (cells, BLANK), (cells, ANYWHERE)):
+        least = [max(len(part) for cell in column for part in parts.split(cell)) for column in of]
         while sum(widths) > most:
             room = [(w, k) for k, (w, m) in enumerate(zip(widths, least, strict=True)) if w > m]
             if not room:
                 break
             widths[max(room)[1]] -= 1
     return widths
+
+
+def _blocks(columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[str]:
+    """Each row as lines of its own, `column  text`."""
+    indent, lines = max(map(len, columns)) + 2, list[str]()
+    for row in rows:
+        for column, cell in zip(columns, row, strict=True):
+            first, *more = broken(cell, max(width - indent, 1))
+            if cell:
+                lines += [f"{column:<{indent}}{first}", *(" " * indent + line for line in more)]
+        lines.append("")
+    return lines
 
 
 def say(text: str) -> None:
@@ -93,21 +139,3 @@ def paragraphs(items: Sequence[tuple[str, str]]) -> None:
         )
         body = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
         console.print(Text(body[: len(head)]).append(body[len(head) :], style="dim"))
-
-
-def result(value: Any) -> str:
-    """A result of one seed, of which others differ by half and more: two digits, or whole numbers."""
-    if isinstance(value, float) and abs(value) < 1e6:
-        return f"{value:.0f}" if abs(value) >= 9.5 else f"{value:.2g}"
-    return number(value)
-
-
-def number(value: Any) -> str:
-    """A number at a readable length, anything else as it is."""
-    if value is None:
-        return "-"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    if isinstance(value, int):
-        return f"{value:,}".replace(",", " ")
-    return f"{value:.4g}"

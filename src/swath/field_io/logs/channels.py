@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError, SwathError, reason_of
 from swath.core.files.read_file import open_to_read
+from swath.core.number_text import num
 from swath.core.units import UNITS, Unit
 from swath.documents.formula import computed
 from swath.documents.j1939 import TRANSPORT, TRANSPORT_DATA, Transport, dbc_file, parse, value_of
@@ -317,7 +318,7 @@ def _groups_of(mdf: Any, groups: Iterable[int], tell: Tell) -> _Groups:
                 spans[group] = spans.get(group, (int(times[0]), 0))[0], int(times[-1])
     axis.tell(tell)
     if (lost := sum(lacking.values())) > MANY * stated:
-        tell(f"lost: records of {stated:,} that are stated", lost)
+        tell(f"lost: records of {num(stated)} that are stated", lost)
     if late:
         tell(TOO_LATE, late)
     return _Groups(axis.shifts, lacking, spans)

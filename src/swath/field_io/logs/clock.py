@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.number_text import num
+
 Array = NDArray[np.float64]
 EPOCH = datetime(2000, 1, 1)
 DAY = 86400.0
@@ -141,7 +143,7 @@ def spread(time: Array, position: Array) -> tuple[Array, str]:
         return time, ""
     tick, group = float(np.median(step)), np.repeat(np.arange(len(first)), size)
     behind = (np.arange(len(time)) - first[group]) / np.maximum(usual, size[group])
-    note = f"clock: steps of {usual:g} records, which are spread evenly over them"
+    note = f"clock: steps of {num(usual)} records, which are spread evenly over them"
     return time + tick * behind, note
 
 
@@ -159,12 +161,12 @@ def usable(time: Array) -> tuple[Array | None, str]:
     known = np.isfinite(time)
     count = len(time)
     if known.sum() < LEAST_SHARE * count:
-        return None, f"clock: not used: {count - int(known.sum()):,} of {count:,} rows hold no time"
+        return None, f"clock: not used: {num(count - int(known.sum()))} of {num(count)} rows hold no time"
     different = len(np.unique(time[known]))
     if different < LEAST_STEPS * count:
-        return None, f"clock: not used: {different:,} different times in {count:,} rows"
+        return None, f"clock: not used: {num(different)} different times in {num(count)} rows"
     if known.all():
         return time, ""
     row = np.arange(count, dtype=float)
-    note = f"clock: {count - int(known.sum()):,} rows without a time: taken between their neighbours"
+    note = f"clock: {num(count - int(known.sum()))} rows without a time: taken between their neighbours"
     return np.asarray(np.interp(row, row[known], time[known])), note

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, some_of
+from swath.core.number_text import num, percent_of
 from swath.documents.witness import Pair
 from swath.field.maps.projection import known_crs, transform, utm_epsg
 from swath.field_io.logs.columns import UNITS, Column, ColumnMap
@@ -225,7 +226,7 @@ def check_places(
 def _pairs(reading: Reading, drive: Driven, logged: Logged) -> list[Pair]:
     """The table of a reading."""
     away = 1.0 - reading.share()
-    nowhere = Pair("place", f"{100 * away:.0f} % of them are at no place", away, *NOWHERE)
+    nowhere = Pair("place", f"{percent_of(away)} of them are at no place", away, *NOWHERE)
     driven = None if nowhere.contradicts else drive(reading)
     return [nowhere, *([] if driven is None else place_pairs(logged, *driven))]
 
@@ -236,7 +237,8 @@ def place(lon_lat: Array) -> str:
     if not len(known):
         return "no place"
     lon, lat = (float(v) for v in np.median(known, axis=0))
-    at = f"{abs(lat):.4f} {'N' if lat >= 0 else 'S'}, {abs(lon):.4f} {'E' if lon >= 0 else 'W'}"
+    north, east = (num(abs(v), side, places=4) for v, side in ((lat, "NS"[lat < 0]), (lon, "EW"[lon < 0])))
+    at = f"{north}, {east}"
     if abs(lat) > 84.0 or abs(lon) > 180.0:
         return f"{at}, which is not on earth"
     epsg = utm_epsg(lon, lat)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import Extra
 from swath.core.files.read_file import open_to_read
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.documents.packed import most_unpacked
 
@@ -214,12 +215,13 @@ def _in_blf(file: Any, tell: Tell) -> Iterator[tuple[float, Any]]:
     stated = reader.object_count
     if reader.file_size > size:
         tell(
-            f"damaged: the file ends after {size:,} of the {reader.file_size:,} bytes that its head states", 1
+            f"damaged: the file ends after {num(size)} of the {num(reader.file_size)} bytes of its head",
+            1,
         )
     elif not stated and objects:
         tell("damaged: its logger did not end it, what that still held is missing", 1)
     elif stated - objects > MANY * stated:
-        tell(f"lost: {stated:,} objects are stated, {objects:,} are there", stated - objects)
+        tell(f"lost: {num(stated)} objects are stated, {num(objects)} are there", stated - objects)
     if objects - read > MANY * objects:
         tell("unused: objects that are no frames", objects - read)
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, capped
+from swath.core.number_text import num
 from swath.documents.witness import judge
 from swath.field.maps.projection import transform, utm_epsg
 from swath.field_io import trade
@@ -222,7 +223,8 @@ def read_log(
         key = "place" if reason.startswith("position") else "lost"
         raise InputError(key, int(good.sum()), expected, file=path)
     notes += [
-        f"lost: {n:,} of {row_count:,} rows left out: {reason.replace('_', ' ')}{_why(reason, values, found)}"
+        f"lost: {num(n)} of {num(row_count)} rows left out: {reason.replace('_', ' ')}"
+        f"{_why(reason, values, found)}"
         for reason, n in broken.items()
         if n > MANY * row_count and reason not in ("copied", "other_section", "other_crop")
     ]
@@ -248,7 +250,7 @@ def missing(read: int, stated: int | None) -> list[str]:
     """A note where a file states more rows than it has."""
     if stated is None or read >= stated:
         return []
-    return [f"damaged: the file states {stated:,} records and holds {read:,}"]
+    return [f"damaged: the file states {num(stated)} records and holds {num(read)}"]
 
 
 def first_loss(left_out: Mapping[str, int], read: int) -> tuple[str, str]:
@@ -263,7 +265,7 @@ def first_loss(left_out: Mapping[str, int], read: int) -> tuple[str, str]:
     most = [reason for reason, (count, before) in stages.items() if count > 0.5 * before]
     reason = most[0] if most else max(stages, key=lambda k: stages[k][0])
     count, before = stages[reason]
-    return reason, f"{count:,} of {before:,} go: {reason}"
+    return reason, f"{num(count)} of {num(before)} go: {reason}"
 
 
 def _why(reason: str, values: dict[str, Array], found: ColumnMap) -> str:
@@ -278,7 +280,7 @@ def _why(reason: str, values: dict[str, Array], found: ColumnMap) -> str:
         return f" ({found.columns[key].column})"
     column, size = found.columns[key], UNITS[QUANTITIES[key]][found.columns[key].unit]
     low, high, middle = (v / size for v in (*PLAUSIBLE[key], float(np.nanmedian(values[key]))))
-    limits = f"{middle:.4g} {column.unit} at the middle, expected {low:.4g} to {high:.4g}"
+    limits = f"{num(middle)} {column.unit} at the middle, expected {num(low)} to {num(high)}"
     return f"; {column.column}: {limits}, --columns takes its unit"
 
 
@@ -302,7 +304,7 @@ def _settled(
     in_middle(places.lon_lat)
     first = ~again & ~other
     if again.any():
-        notes.append(f"copies: {int(again.sum()):,} rows are there twice, and count once")
+        notes.append(f"copies: {num(int(again.sum()))} rows are there twice, and count once")
     by = raw.get("record", np.arange(count, dtype=float)) if clock is None else clock
     cutting = _cutting(raw, not_working(table, found), count)
     season = np.zeros(count, dtype=np.int64)
@@ -399,7 +401,7 @@ def _settled(
     elif pace is None and "speed" in found.columns and len(drive.step):
         period = float(np.nanmedian(drive.step / np.maximum(values["speed"][drive.after], 0.1)))
         values["duration"] = np.full(count, period)
-        more.append(f"clock: no time: records taken as {period:.2f} s apart, by speed and positions")
+        more.append(f"clock: no time: records taken as {num(period)} s apart, by speed and positions")
     return found, values, {"copied": again, "other_section": other}, notes + more
 
 
@@ -602,7 +604,7 @@ def _between_held(lon_lat: Array, plane: Array, rows: NDArray[np.int64]) -> list
     group = np.repeat(np.arange(len(first)), size)
     behind = (np.arange(len(rows)) - first[group]) / np.maximum(usual, size[group])
     lon_lat[rows] += ahead[group] * behind[:, None]
-    return [f"derived: places held for {usual:g} records, moved on along the way between them"]
+    return [f"derived: places held for {num(usual)} records, moved on along the way between them"]
 
 
 def _in_si(table: Table, key: str, column: Column) -> Array:
@@ -777,8 +779,8 @@ def _refuse_whole_crop(flow: Array, path: Path) -> None:
     if len(flowing) and (flowing > most).mean() > WHOLE_CROP_SHARE:
         raise InputError(
             "plausible",
-            f"flows of {np.median(flowing):.0f} kg/s",
-            f"expected grain, at most {most:.0f} kg/s: this crop is whole plants (forage)",
+            f"flows of {num(np.median(flowing))} kg/s",
+            f"expected grain, at most {num(most)} kg/s: this crop is whole plants (forage)",
             file=path,
         )
 
@@ -892,7 +894,7 @@ def _assemble(
     if "grain_flow" not in found.columns:
         flow = values["yield"] * width * speed
     if abs(period - 1.0) > 0.05:
-        notes.append(f"clock: one record every {period:.2f} s")
+        notes.append(f"clock: one record every {num(period)} s")
     return Log(
         machine, time, duration, east, north, values["elevation"], speed, width, flow, values["moisture"],
         values["crop_height"], working[good][order], table.row_number[good][order], names, epsg, found, 0, {},

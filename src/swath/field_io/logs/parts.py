@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.field_io.logs.log import Log
 
 Array = NDArray[np.float64]
@@ -42,7 +43,7 @@ def one_part(log: Log, chosen: int | None, path: Path) -> Log:
         grown = own.flow[own.flow > 0.0] / np.maximum(own.width * own.speed, 0.5)[own.flow > 0.0]
         since = float(own.time.min()) / 86400.0
         shown.append(
-            f"{number}: {len(own):,} records, {10 * np.median(grown):.1f} t/ha, from day {since:.1f} on"
+            f"{number}: {num(len(own))} records, {num(10 * np.median(grown))} t/ha, from day {num(since)} on"
         )
     kind = "harvests of one ground" if len(np.unique(harvest[np.isin(part, large)])) > 1 else "fields"
     raise InputError(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import percent_of
 from swath.field_io.logs.columns import ColumnMap
 from swath.field_io.logs.table import Table
 
@@ -130,7 +131,7 @@ def check_order(time: Array, machine: NDArray[np.int64], east: Array, north: Arr
     if followed < LEAST_FOLLOWED:
         raise InputError(
             "timeline",
-            f"{100 * (1 - followed):.0f} % of the records are far from those that follow",
+            f"{percent_of(1 - followed)} of the records are far from those that follow",
             "expected records in driving order; --as map makes stand and yield of them, without passes",
         )
 

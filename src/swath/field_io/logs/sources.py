@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
+from swath.core.number_text import num, percent_of
 
 Array = NDArray[np.float64]
 SAME = 0.02  # ratio less 1 by which two sources may differ and say the same
@@ -53,22 +54,24 @@ def choose(
     notes, undecided = [], list[str]()
     for other in [name for name in held if name != best]:
         same, over = _beside(sources[best], sources[other], size)
-        differ = "" if size is not None else f", {over:.3g} of it in the mean"
+        differ = "" if size is not None else f", {num(over)} of it in the mean"
         if other in whole.get(best, ()):
             notes.append(f"derived: {quantity}: {best} is what is in use of {other}, and counts")
         elif same >= 1.0 - MOST_OTHER:
             notes.append(f"copies: {quantity}: {other} says the same as {best}, which counts")
         elif MORE * held[other] < held[best]:
-            less = f"{other} has {held[other]:,} values for {held[best]:,}{differ * (over > 0.0)}"
+            less = f"{other} has {num(held[other])} values for {num(held[best])}{differ * (over > 0.0)}"
             notes.append(f"sources: {quantity}: {best} counts; {less}")
         elif size is not None or abs(over - 1.0) <= SAME:
-            notes.append(f"sources: {quantity}: {best} counts; {other} differs in {1.0 - same:.0%}{differ}")
+            notes.append(
+                f"sources: {quantity}: {best} counts; {other} differs in {percent_of(1.0 - same)}{differ}"
+            )
         elif quantity in WITNESSED:
             undecided.append(other)
         elif other in lesser and best not in lesser:
-            notes.append(f"sources: {quantity}: {best} counts by its name; {other} is {over:.3g} of it")
+            notes.append(f"sources: {quantity}: {best} counts by its name; {other} is {num(over)} of it")
         else:
-            text = f"expected one, the second is {over:.3g} of the first; in --columns:"
+            text = f"expected one, the second is {num(over)} of the first; in --columns:"
             expected = f"{text} {entry(best)} or {entry(other)}"
             raise InputError("sources", f"{best}, {other}", expected, file=file)
     return Choice(best, tuple(notes), tuple(undecided))

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.number_text import num
 from swath.documents.witness import outside
 from swath.field_io.logs.columns import QUANTITIES, UNITS, Column
 from swath.field_io.logs.witnesses import AT, CANDIDATES, Drive
@@ -123,8 +124,8 @@ def one_pace(
             return "", ""
         votes, wins, took = {"time": [k for k, times in said.items() if times]}, "time", by[0]
     loser = "duration" if wins == "time" else "time"
-    text = f"{columns['duration'].column} says {interval:.3g} s from record to record, "
-    text += f"the {'times say' if stamps is not None else 'way says'} {took:.3g} s"
+    text = f"{columns['duration'].column} says {num(interval)} s from record to record, "
+    text += f"the {'times say' if stamps is not None else 'way says'} {num(took)} s"
     agree = f", and so {'do' if len(votes[wins]) > 1 else 'does'} {' and '.join(votes[wins])}" * bool(
         votes[wins]
     )

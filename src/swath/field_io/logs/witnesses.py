@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
+from swath.core.number_text import num, percent_of
 from swath.documents.witness import Pair, judge, outside
 from swath.field.crop_sheet import load_crop
 from swath.field_io import trade
@@ -239,7 +240,7 @@ def _row(key: str, shown: str, value: float, limits: Range, refused: float = np.
     if not value > 0.0:
         return []
     key = _doubt(key)
-    return [lambda f: Pair(key, shown.format(value * f), outside(value * f, limits), 0.0, refused)]
+    return [lambda f: Pair(key, shown.format(num(value * f)), outside(value * f, limits), 0.0, refused)]
 
 
 def _nearest(pairs: Iterable[Pair]) -> Pair:
@@ -253,12 +254,12 @@ def way_rows(logged: Logged, drive: Drive) -> dict[str, list[Row]]:
         name, steps = logged.columns[key].column, drive.step
         own = (length >= 0.0) & (length <= AT.longest * _median(length))
         shown = float(length[own].sum() / steps[own].sum()) if own.sum() >= AT.fewest else np.nan
-        rows[key] = _row(key, f"{name} says {{:.2f}} of the way between them", shown, AT.agrees, other)
+        rows[key] = _row(key, f"{name} says {{}} of the way between them", shown, AT.agrees, other)
     width, name = logged.width, "the header"
     if "header_width" in logged.raw:
         width = _median(logged.raw["header_width"][logged.cutting])
         name = logged.columns["header_width"].column
-    text = f"passes lie {drive.spacing:.2f} m apart, {name} is {{:.2f}} of that wide"
+    text = f"passes lie {num(drive.spacing)} m apart, {name} is {{}} of that wide"
     over = (width or np.nan) / drive.spacing
     return rows | {"header_width": _row("header_width", text, over, AT.header_over_spacing, other)}
 
@@ -279,13 +280,13 @@ def place_pairs(logged: Logged, position: Array, drive: Drive) -> list[Pair]:
     steps = drive if logged.time is None else drive.paced(logged.time)
     if len(steps.step) < AT.fewest:
         extent = float(np.hypot(*np.nanstd(position, axis=0)))
-        text = f"by them the machine stays within {extent:.2g} m"
+        text = f"by them the machine stays within {num(extent)} m"
         return [Pair("step", text, np.inf, 0.0, 0.0)]
     sizes, pairs = [1.0], []
     if logged.time is not None:
         sizes = [UNITS["time"][u] for u in logged.clock_units]
         pace = [drive.speed(logged.time) / size for size in sizes]
-        text = f"{3.6 * pace[0]:.3g} km/h by positions and times"
+        text = f"{num(3.6 * pace[0])} km/h by positions and times"
         pairs.append(Pair("timeline", text, min(outside(v, AT.speed) for v in pace), 0.0, AT.driven))
     for key, rows in way_rows(logged, steps).items():
         column = logged.columns.get(key, Column("", "m"))
@@ -299,14 +300,14 @@ def place_pairs(logged: Logged, position: Array, drive: Drive) -> list[Pair]:
         middles = [m for k in range(4) if (m := _median(over[sector == k])) > 0.0]
         if len(middles) > 1:
             spread, name = max(middles) / min(middles), logged.columns[key].column
-            text = f"{name} over the way between them differs by {spread:.2f} with the direction"
+            text = f"{name} over the way between them differs by {num(spread)} with the direction"
             pairs.append(Pair(PLACES, text, spread - 1.0, *AT.every_way))
     if "course" in logged.raw:
         course = logged.raw["course"][steps.after]
         off = np.abs((course - azimuth + 180.0)[np.isfinite(course)] % 360.0 - 180.0)
         if len(off) >= AT.fewest and np.nanmax(course) > np.nanmin(course):
             beside = float(np.median(off))
-            text = f"{logged.columns['course'].column} lies {beside:.0f} deg beside the way"
+            text = f"{logged.columns['course'].column} lies {num(beside)} deg beside the way"
             pairs.append(Pair(PLACES, text, beside, *AT.beside_deg))
     return [pair for pair in pairs if np.isfinite(pair.residual)]
 
@@ -332,7 +333,7 @@ def level_pairs(
         turns = np.flatnonzero(np.diff(is_high)) + 1
         if of_units.any() and 0 < len(turns) <= AT.most_turns:
             said = " and ".join(
-                f"{np.median(raw[key][own]):.3g} in rows {row_number[own[0]]} to {row_number[own[-1]]}"
+                f"{num(np.median(raw[key][own]))} in rows {row_number[own[0]]} to {row_number[own[-1]]}"
                 for own in np.split(rows, turns)[:2]
             )
             text = f"{key}: {columns[key].column}: {said}"
@@ -360,16 +361,16 @@ def settle_units(
     if "speed" in raw and pace > 0.0 and not _median(raw["speed"][cutting]) > 0.0:
         dead = bench.columns.pop("speed").column
         bench.notes.append(
-            f"plausible: speed: {dead} says 0 at {3.6 * pace:.2f} km/h by positions and times, not used"
+            f"plausible: speed: {dead} says 0 at {num(3.6 * pace)} km/h by positions and times, not used"
         )
     elif "speed" in raw:
         seen = rows.get("speed") or _row("speed", "", _median(raw["speed"][cutting]), AT.speed)
-        bench.decide("speed", seen, f"{3.6 * pace:.2f} km/h by positions and times" * bool(pace > 0.0))
+        bench.decide("speed", seen, f"{num(3.6 * pace)} km/h by positions and times" * bool(pace > 0.0))
         speed = raw["speed"] * bench.factor("speed")
     header = np.full(len(cutting), np.nan if logged.width is None else logged.width)
     if "header_width" in raw:
         can_be = _row("header_width", "", _median(raw["header_width"][cutting]), AT.header)
-        by = f"passes lie {drive.spacing:.2f} m apart" * bool(drive.spacing > 0.0)
+        by = f"passes lie {num(drive.spacing)} m apart" * bool(drive.spacing > 0.0)
         bench.decide("header_width", can_be + rows["header_width"], by)
         header = raw["header_width"] * bench.factor("header_width")
     _grain(bench, raw, cutting, header * speed)
@@ -386,7 +387,8 @@ def _exchanged(columns: Mapping[str, Column], raw: Mapping[str, Array], cutting:
         return []
     flow, moisture = columns[key], columns["moisture"]
     flows, moistures = (_spread(raw[k][cutting]) for k in (key, "moisture"))
-    text = f"{moisture.column} varies by {moistures:.0%}, {flow.column} by {flows:.0%}: are they exchanged?"
+    text = f"{moisture.column} varies by {percent_of(moistures)}, {flow.column} by {percent_of(flows)}"
+    text += ": are they exchanged?"
     entry = f"say with --columns MAP.yaml, in it {key}: {{column: {json.dumps(moisture.column)}}}"
     entry += f", moisture: {{column: {json.dumps(flow.column)}}}"
     residual = moistures / max(flows, 0.01) if moistures > AT.even_moisture else 0.0
@@ -408,7 +410,7 @@ def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: 
     if "moisture" in raw:
         middle = _median(raw["moisture"][cutting])
         grain = _row("moisture", "", middle, AT.moisture)
-        bench.decide("moisture", grain, f"{middle:.3g} in the middle" if grain else "")
+        bench.decide("moisture", grain, f"{num(middle)} in the middle" if grain else "")
         share = np.clip(np.nan_to_num(raw["moisture"] * bench.factor("moisture")), 0.0, AT.moisture[1])
     per_area = {k: raw[k] for k in FLOWS if k in raw}
     if "grain_flow" in per_area:
@@ -432,7 +434,7 @@ def _grain(bench: "_Bench", raw: Mapping[str, Array], cutting: Mask, area_rate: 
         if of_units and (other != "dry_yield" or (share > 0.0).any()):
             rows.append(partial(_any, of_units))
             by.append(bench.found.beside[other].column)
-    text = f"{crop.name} yields {10 * low:.2g} to {10 * high:.2g} t/ha"
+    text = f"{crop.name} yields {num(10 * low)} to {num(10 * high)} t/ha"
     bench.decide(key, rows, ", ".join([*by, text]))
 
 
@@ -483,7 +485,7 @@ class _Bench:
         """
         lon, lat = self.middle
         units = sorted({c.unit for c in self.columns.values()} & (US_CUSTOMARY - {"ft", "in"}))
-        text = f"{', '.join(units)} at {lat:.2f} N, {lon:.2f} E"
+        text = f"{', '.join(units)} at {num(lat, places=2)} N, {num(lon, places=2)} E"
         is_west = bool(units) and not self._is_american and _is_american(-lon, lat)
         entry = "where it lies west of Greenwich write lon: {unit: deg W} in --columns MAP.yaml"
         return Pair("place", text, float(is_west), 0.5, entry=entry)
@@ -575,8 +577,8 @@ def clock_unit(column: Column, time: Array, drive: Drive, path: Path) -> tuple[s
     fitting = [u for u, speed in speeds.items() if outside(speed, AT.speed) == 0.0]
     unit = fitting[0] if fitting and column.is_assumed else column.unit
     if unit != column.unit:
-        return unit, [f"clock: {column.column} taken as {unit}: {3.6 * speeds[unit]:.1f} km/h"]
-    text = f"{column.column}: by it as {unit} the machine drives {3.6 * speeds[unit]:.3g} km/h"
+        return unit, [f"clock: {column.column} taken as {unit}: {num(3.6 * speeds[unit])} km/h"]
+    text = f"{column.column}: by it as {unit} the machine drives {num(3.6 * speeds[unit])} km/h"
     better = f"{{unit: {fitting[0]}}}" if fitting else "null, for records one after the other"
     entry = f"say its unit with --columns MAP.yaml, in it time: {better}"
     off = outside(speeds[unit], AT.speed)

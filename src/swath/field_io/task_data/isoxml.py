@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, capped, some_of
+from swath.core.number_text import num, percent_of
 from swath.documents.packed import member_names
 from swath.field.memory_layout import ranked
 from swath.field_io.task_data.ddi import CONDENSED, DDI, TOGETHER, label_name, slug, unit_name
@@ -187,7 +188,7 @@ def read_time_log(
     check_values(len(starts), len(layout.channels), f"{name}.bin", most_values)
     gaps = len(problems)
     if len(data) < (said := described.lengths.get(name, 0.0)):
-        problems.append(f"damaged: {name}.bin: {said:,.0f} bytes are stated, it has {len(data):,}")
+        problems.append(f"damaged: {name}.bin: {num(said)} bytes are stated, it has {num(len(data))}")
     size = layout.head.itemsize
     raw = np.frombuffer(data, np.uint8)
     heads = raw[starts[:, None] + np.arange(size)].copy().view(layout.head)[:, 0]
@@ -411,7 +412,7 @@ class TaskData:
             at_work = _at_work(log, self.described)
             if (at_work < 1.0).any():
                 found_notes.append(
-                    f"derived: header width: that of the sections at work, {at_work.min():.0%} at least"
+                    f"derived: header width: that of sections at work, {percent_of(at_work.min())} or more"
                 )
             if WIDTH in quantities:
                 is_logged = True
@@ -423,7 +424,7 @@ class TaskData:
                 width, what = self.described.width_of(self._machines(log), _marks(log))
                 stated[rows] = (width or np.nan) * at_work
                 found_notes += [
-                    f"derived: header width: the machine states {width:g} m ({what}), the log none"
+                    f"derived: header width: the machine states {num(width)} m ({what}), the log none"
                 ] * bool(width)
             notes.update(found_notes)
             for name, values in quantities.items():
@@ -563,7 +564,7 @@ def _at_work(log: TimeLog, described: Description) -> Array:
 
 def _shown(elements: list[str], medians: dict[str, float]) -> str:
     """Some elements with the medians of their values."""
-    return some_of((f"{e} ({medians[e]:g})" for e in elements), 4)
+    return some_of((f"{e} ({num(medians[e])})" for e in elements), 4)
 
 
 def _is_off(log: TimeLog, element: str) -> NDArray[np.bool_]:

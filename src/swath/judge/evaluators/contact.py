@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import TRAILER, Contact
@@ -34,7 +35,7 @@ class ContactWatch:
     SIGNALS = (MachineState,)
     METRICS = (
         Metric("contact_count", "", "times that the machine touched an obstacle or another machine", "Safety",
-               "lower", "contacts", "", decimals=0),
+               "lower", "contacts"),
         Metric("least_clearance_m", "m", "least distance to an obstacle or machine, a lower bound above 5 m",
                "Safety", "higher", "least clearance"),
     )  # fmt: skip
@@ -104,7 +105,7 @@ class ContactWatch:
     def _begin(self, contact: Contact, state: MachineState) -> None:
         name, other = self.setup.name, contact.second
         self._count += 1
-        self._reason = self._reason or f"touched {other} at {state.t / NS:.1f} s"
+        self._reason = self._reason or f"touched {other} at {num(state.t / NS, places=1)} s"
         self._touched[other] = _Touch(state)
         if other in self.setup.machines and other < name:
             return  # the other one reports it
@@ -115,7 +116,7 @@ class ContactWatch:
     def _end(self, touch: _Touch) -> None:
         if touch.index is not None:
             event, t = self._events[touch.index], touch.last.t
-            text = f"{event.machine} touched {event.other} for {(t - event.t) / NS:.2f} s"
+            text = f"{event.machine} touched {event.other} for {num((t - event.t) / NS, places=2)} s"
             ended = replace(event, text=text, end_t=t, end_distance=touch.last.distance)
             self._events[touch.index] = ended
 

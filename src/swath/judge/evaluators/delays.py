@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath.core.blocks import Seen
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Later, Metric
@@ -24,9 +25,9 @@ class Delays(Later):
     SIGNALS = (CropEdge, SteerCommand)
     METRICS = (
         Metric("edge_delay_s", "s", "age of detected edges on arrival, 95th percentile", "Edge detection",
-               "lower", "age of edges on arrival, 95th percentile", "ms"),
+               "lower", "age of edges on arrival, 95th percentile"),
         Metric("command_delay_s", "s", "age of steering commands on arrival, 95th percentile", "Steering",
-               "lower", "age of commands on arrival, 95th percentile", "ms"),
+               "lower", "age of commands on arrival, 95th percentile"),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:
@@ -48,7 +49,7 @@ class Delays(Later):
     @property
     def notes(self) -> Sequence[str]:
         """Which are so old that their time stamps may be wrong."""
-        old = [f"{n} {age:.3g} s" for n, age in self.metrics().items() if not -OLD <= age <= OLD]
+        old = [f"{n} {num(age)} s" for n, age in self.metrics().items() if not -OLD <= age <= OLD]
         return [f"{said}: {DOUBT}" for said in old]
 
 

@@ -22,19 +22,19 @@ class Drivetrain(Later):
     SIGNALS = (MachineState, MachineLoad, EngineState)
     METRICS = (
         Metric("mean_throughput_t_h", "t/h", "grain taken in per hour, after settling", GROUP,
-               "higher", "throughput of grain", "", 1),
+               "higher", "throughput of grain"),
         Metric("feed_cv_percent", "%", "coefficient of variation of the flow into the feeder house, after "
-               "settling", GROUP, "lower", "scatter of the feed", "", 1),
+               "settling", GROUP, "lower", "scatter of the feed"),
         Metric("mean_loss_percent", "%", "grain lost in the machine, mean weighted by the flow", GROUP,
                "lower", "grain lost, mean"),
         Metric("peak_loss_percent", "%", "grain lost in the machine, largest mean over 2 s", GROUP,
                "lower", "grain lost, peak"),
         Metric("mean_engine_load", "1", "torque asked / largest torque at that speed, mean after settling",
-               GROUP, "", "engine load, mean", "%", 0),
+               GROUP, "", "engine load, mean"),
         Metric("peak_engine_load", "1", "torque asked / largest torque at that speed, largest", GROUP,
-               "lower", "engine load, peak", "%", 0),
+               "lower", "engine load, peak"),
         Metric("lowest_engine_rpm", "1/min", "lowest engine speed after settling", GROUP,
-               "higher", "lowest engine speed", "", 0),
+               "higher", "lowest engine speed"),
         Metric("fuel_l_t", "l/t", "diesel per tonne of grain taken in", GROUP, "lower", "diesel"),
     )  # fmt: skip
 

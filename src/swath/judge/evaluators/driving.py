@@ -10,7 +10,7 @@ class Driving(Later):
     """The way of the middle of the fixed axle."""
 
     SIGNALS = (MachineState,)
-    METRICS = (Metric("distance_m", "m", "way of the fixed axle's centre", "Run", "", "", "", 1),)
+    METRICS = (Metric("distance_m", "m", "way of the fixed axle's centre", "Run", "", ""),)
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self._first: float | None = None

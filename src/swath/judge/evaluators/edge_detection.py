@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swath.core.blocks import Block, Seen, ShownToAll
 from swath.core.frames import Pose, wrap_angle
+from swath.core.number_text import num
 from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -157,21 +158,21 @@ class EdgeDetection(SeesAll, Later):
     COLUMNS = ("edge_true_m", "edge_wall_m")
     METRICS = (
         Metric("edge_rmse_m", "m", "detected against true edge, root mean square; after settling", GROUP,
-               "lower", "edge error, RMS", "cm"),
+               "lower", "edge error, RMS"),
         Metric("edge_bias_m", "m", "detected minus true edge, mean; > 0 towards the standing crop; after "
-               "settling", GROUP, "", "edge error, mean", "cm"),
+               "settling", GROUP, "", "edge error, mean"),
         Metric("detection_availability", "1", "share of edge samples with a right edge, where one is near; "
-               "after settling", GROUP, "higher", "availability", "%", 1),
+               "after settling", GROUP, "higher", "availability"),
         Metric("false_edge_share", "1", "share of the edges reported as seen that are none, no edge within "
-               f"{MATCH_M:g} m; after settling", GROUP, "lower", "edges reported where none is", "%", 1),
-        Metric("sure_wrong_share", "1", f"share of edge samples with a confidence of {SURE:g} or more and an "
-               f"error above {WRONG_M:g} m; after settling", GROUP, "lower", "sure and wrong", "%", 1),
-        Metric("unsure_right_share", "1", f"share of the edges with an error up to {RIGHT_M:g} m that have a "
-               f"confidence below {SURE:g}; after settling", GROUP, "lower", "right, not sure", "%", 1),
+               f"{num(MATCH_M)} m; after settling", GROUP, "lower", "edges reported where none is"),
+        Metric("sure_wrong_share", "1", f"share of edge samples with a confidence of {num(SURE)} or more and "
+               f"an error above {num(WRONG_M)} m; after settling", GROUP, "lower", "sure and wrong"),
+        Metric("unsure_right_share", "1", f"share of the edges with an error up to {num(RIGHT_M)} m that "
+               f"have a confidence below {num(SURE)}; after settling", GROUP, "lower", "right, not sure"),
         Metric("edge_sample_count", "", "edge samples that were judged; after settling", GROUP, "",
-               "edge samples", "", 0),
+               "edge samples"),
         Metric("edge_judged_share", "1", "share of edge samples with a detected and a true edge, over which "
-               "the edge error is; after settling", GROUP, "higher", "samples with both edges", "%", 1),
+               "the edge error is; after settling", GROUP, "higher", "samples with both edges"),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup, along: Callable[..., NDArray[np.bool_]] | None = None) -> None:
@@ -248,7 +249,7 @@ class EdgeDetection(SeesAll, Later):
         count, share = found.get("edge_sample_count", 0.0), found.get("edge_judged_share", 1.0)
         if not share < FEW:
             return []
-        return [f"the edge error is over {round(share * count)} of {count:.0f} edge samples"]
+        return [f"the edge error is over {round(share * count)} of {num(count)} edge samples"]
 
     @property
     def true_offset(self) -> float:

@@ -7,6 +7,7 @@ from math import fsum
 import numpy as np
 
 from swath.core.blocks import Seen
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric, held
@@ -26,12 +27,12 @@ class EdgeLost(Later):
 
     SIGNALS = (MachineState, CropEdge, SteerCommand)
     METRICS = (
-        Metric("edge_lost_count", "", f"times that the edge was lost for {LEAST_S:g} s or longer while the "
-               "machine steered itself", GROUP, "lower", "edge lost, times", "", 0),
+        Metric("edge_lost_count", "", f"times that the edge was lost for {num(LEAST_S)} s or longer while "
+               "the machine steered itself", GROUP, "lower", "edge lost, times"),
         Metric("edge_lost_s", "s", "time without an edge in all those times", GROUP, "lower",
-               "edge lost, time", "", 1),
+               "edge lost, time"),
         Metric("edge_lost_m", "m", "way driven without an edge in all those times", GROUP, "lower",
-               "edge lost, distance", "", 1),
+               "edge lost, distance"),
     )  # fmt: skip
     EVENTS = ("edge_lost",)
 
@@ -80,15 +81,15 @@ class EdgeLost(Later):
         """Whether the edge was lost, or never found."""
         if self._events:
             m = self.metrics()
-            count = f"{m['edge_lost_count']:.0f} times" if len(self._events) > 1 else "once"
-            return [f"the edge was lost {count}, for {m['edge_lost_s']:.1f} s and {m['edge_lost_m']:.1f} m"]
+            count = f"{num(m['edge_lost_count'])} times" if len(self._events) > 1 else "once"
+            return [f"the edge was lost {count}, for {num(m['edge_lost_s'])} s and {num(m['edge_lost_m'])} m"]
         return ["no edge was ever found"] if self._has_edges and not self._was_found else []
 
     def events(self) -> Sequence[Event]:
         """Every loss that lasted long enough."""
         if self._is_listed and self._state is not None:
             last = self._events[-1]
-            text = f"no edge for {(self._state.t - last.t) / NS:.1f} s, and none since"
+            text = f"no edge for {num((self._state.t - last.t) / NS, places=1)} s, and none since"
             self._events[-1] = replace(last, text=text)
         return self._events
 
@@ -98,7 +99,7 @@ class EdgeLost(Later):
             self._was_found = True
             if self._is_listed:
                 last = self._events[-1]
-                text = f"no edge for {(t - last.t) / NS:.1f} s"
+                text = f"no edge for {num((t - last.t) / NS, places=1)} s"
                 self._events[-1] = replace(last, text=text, end_t=t, end_distance=state.distance)
             self._begin, self._is_listed = None, False
         elif self._begin is None:

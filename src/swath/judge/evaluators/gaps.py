@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import hypot
 
 from swath.core.blocks import Seen
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
 from swath.judge.header_path import HeaderPath
@@ -63,7 +64,7 @@ class Gaps(Later):
         for index, gap in enumerate(self.setup.gaps):
             is_beside = gap.start <= along < gap.end and abs(offset) <= BESIDE_M
             if is_beside and index not in self._open:
-                text = f"passes a gap of {gap.end - gap.start:.1f} m, {gap.depth:.1f} m deep"
+                text = f"passes a gap of {num(gap.end - gap.start)} m, {num(gap.depth)} m deep"
                 self._open[index] = len(self._events)
                 self._events.append(
                     Event(state.t, "gap", self.setup.name, x, y, state.distance, text, end_t=None)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from swath.core.blocks import Block, Seen
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric, added_up
@@ -86,7 +87,7 @@ class GrainQuality(Later):
         x, y, distance = 0.0, 0.0, 0.0
         if state is not None:
             (x, y, _), distance = np.asarray(state.pose.position).tolist(), state.distance
-        text = f"{name} blocks at {t / NS:.1f} s, after {distance:.0f} m: more straw than its drum takes"
+        text = f"{name} blocks at {num(t / NS)} s, after {num(distance)} m: more straw than its drum takes"
         self._events.append(Event(t, "blockage", name, x, y, distance, text, t))
 
 

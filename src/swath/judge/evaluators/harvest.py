@@ -20,11 +20,11 @@ class Harvest(Later):
     SIGNALS = (MachineState, CropFlow)
     METRICS = (
         Metric("header_use", "1", "area cut / area the header passed over, on the way after settling", GROUP,
-               "higher", "", "%", 1),
+               "higher", ""),
         Metric("uncut_area_m2", "m2", "standing crop left on the cut side of the header end's path", GROUP,
                "lower", "left uncut"),
-        Metric("area_cut_m2", "m2", "ground from which crop was cut", GROUP, "higher", "", "", 1),
-        Metric("grain_cut_kg", "kg", "grain taken in by the header", GROUP, "higher", "", "", 1),
+        Metric("area_cut_m2", "m2", "ground from which crop was cut", GROUP, "higher", ""),
+        Metric("grain_cut_kg", "kg", "grain taken in by the header", GROUP, "higher", ""),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:

@@ -16,14 +16,14 @@ class HeaderHeight(Later):
     SIGNALS = (MachineState, CropFlow, HeaderState)
     METRICS = (
         Metric("header_in_band", "1", "share of the time after settling in which the knife's mean height is "
-               "within its band", GROUP, "higher", "mean height within the band", "%", 1),
+               "within its band", GROUP, "higher", "mean height within the band"),
         Metric("header_knife_in_band", "1", "share of the time and of the knife's length within the band, "
                "after settling", GROUP,
-               "higher", "knife within the band", "%", 1),
+               "higher", "knife within the band"),
         Metric("header_height_p95_error_m", "m", "knife's height against the wanted one, 95th percentile of "
-               "its size", GROUP, "lower", "height error, 95th percentile", "cm"),
+               "its size", GROUP, "lower", "height error, 95th percentile"),
         Metric("header_left_kg", "kg", "grain on ears below the knife, which stay in the field", GROUP,
-               "lower", "grain left on the stubble", "", 1),
+               "lower", "grain left on the stubble"),
         Metric("header_loss_percent", "%", "grain shed by the header or left on ears below the knife, of all "
                "reached", GROUP, "lower", "grain lost at the header"),
     )  # fmt: skip

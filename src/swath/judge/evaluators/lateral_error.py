@@ -33,11 +33,11 @@ class LateralError(Later):
     COLUMNS = ("lateral_error_m",)
     METRICS = (
         Metric("lateral_rms_m", "m", "lateral error of the header end after settling, root mean square",
-               GROUP, "lower", "lateral error, RMS", "cm"),
+               GROUP, "lower", "lateral error, RMS"),
         Metric("lateral_p95_m", "m", "the lateral error's 95th percentile, of its size", GROUP,
-               "lower", "lateral error, 95th percentile", "cm"),
+               "lower", "lateral error, 95th percentile"),
         Metric("lateral_bias_m", "m", "mean of the lateral error; > 0 towards the standing crop", GROUP,
-               "", "lateral error, mean", "cm"),
+               "", "lateral error, mean"),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from swath.core.blocks import Seen
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
 from swath.judge.header_path import HeaderPath
@@ -29,9 +30,9 @@ class LeftField(Later):
     SIGNALS = (MachineState, CropFlow)
     METRICS = (
         Metric("left_the_field_count", "", "times that the whole header left the field", GROUP, "lower",
-               "left the field, times", "", 0),
+               "left the field, times"),
         Metric("left_the_field_m", "m", "way driven with the whole header outside the field", GROUP, "lower",
-               "left the field, distance", "", 1),
+               "left the field, distance"),
     )  # fmt: skip
     EVENTS = ("left_the_field", "edge_end")
 
@@ -71,7 +72,7 @@ class LeftField(Later):
     @property
     def notes(self) -> Sequence[str]:
         """Whether it left the field or its edge."""
-        return [f"{e.text} at {e.distance:.1f} m" for e in self.events()]
+        return [f"{e.text} at {num(e.distance, places=1)} m" for e in self.events()]
 
     def events(self) -> Sequence[Event]:
         """Every time that it left the field or its edge."""
@@ -115,7 +116,7 @@ class LeftField(Later):
         if why := field.why_outside(x, y):
             return why
         if field.boundary is None and inside < -BESIDE_M:
-            return f"more than {BESIDE_M:g} m beside its edge"
+            return f"more than {num(BESIDE_M)} m beside its edge"
         return ""
 
     def _note(self, state: MachineState, kind: str, text: str, *, end_t: int | None) -> None:
@@ -125,7 +126,7 @@ class LeftField(Later):
 
     def _end_event(self, index: int, state: MachineState) -> None:
         event = self._events[index]
-        text = f"{event.text}, for {state.distance - event.distance:.1f} m"
+        text = f"{event.text}, for {num(state.distance - event.distance, places=1)} m"
         self._events[index] = replace(event, text=text, end_t=state.t, end_distance=state.distance)
         self._open = None
 

@@ -17,10 +17,10 @@ class MassBalance(Later):
     SIGNALS = (CropFlow, MachineLoad, UnloadState)
     METRICS = (
         Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
-               "losses and on the ground| / left the field", "Harvest", "lower", decimals=-1,
+               "losses and on the ground| / left the field", "Harvest", "lower",
                is_windowed=False),
         Metric("stubble_straw_kg", "kg", "straw below the cut, which stays in the field", "Harvest", "",
-               "straw left as stubble", "", 1, is_windowed=False),
+               "straw left as stubble", is_windowed=False),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:

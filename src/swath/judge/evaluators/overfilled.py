@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from swath.core.blocks import Block, Seen, Shown
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
@@ -25,7 +26,7 @@ class Overfilled(Later):
     SIGNALS = (MachineState, MachineLoad, HeapState)
     METRICS = (
         Metric("tank_spilled_kg", "kg", "grain that came to a full tank and ran over its rim",
-               "Crop and engine", "lower", "spilled from the tank", "", 1, is_windowed=False),
+               "Crop and engine", "lower", "spilled from the tank", is_windowed=False),
     )  # fmt: skip
     EVENTS = ("spill",)
 
@@ -101,7 +102,7 @@ class Overfilled(Later):
         x, y, distance = (0.0, 0.0, 0.0)
         if state is not None:
             (x, y, _), distance = state.pose.position.tolist(), state.distance
-        text = f"grain runs over the rim of the {what} of {name} from {t / NS:.1f} s, {distance:.0f} m on"
+        text = f"grain runs over the rim of the {what} of {name} from {num(t / NS)} s, {num(distance)} m on"
         self._events[what] = Event(t, "spill", name, x, y, distance, text, t)
 
 

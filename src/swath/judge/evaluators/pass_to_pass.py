@@ -23,11 +23,11 @@ class PassToPass(Later):
     SIGNALS = (CropFlow, MachineState)
     METRICS = (
         Metric("pass_overlap_m", "m", "mean overlap with a pass before, driven the same way beside it",
-               GROUP, "", "overlap of passes", "cm"),
+               GROUP, "", "overlap of passes"),
         Metric("pass_to_pass_p95_m", "m", "that overlap against the meant one, 95th percentile of its size",
-               GROUP, "lower", "pass to pass, 95th percentile", "cm"),
+               GROUP, "lower", "pass to pass, 95th percentile"),
         Metric("pass_gap_max_m", "m", "widest strip left between two such passes", GROUP, "lower",
-               "strip left between passes", "cm"),
+               "strip left between passes"),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:

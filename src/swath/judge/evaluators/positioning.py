@@ -26,19 +26,19 @@ class Positioning(Later):
     SIGNALS = (MachineState, Fix, PoseEstimate, GuidanceState)
     METRICS = (
         Metric("pose_error_rms_m", "m", "estimated against true place, root mean square", GROUP, "lower",
-               "pose error, RMS", "cm"),
+               "pose error, RMS"),
         Metric("pose_error_max_m", "m", "estimated against true place, largest", GROUP, "lower",
-               "pose error, largest", "cm"),
+               "pose error, largest"),
         Metric("pose_heading_rms_rad", "rad", "estimated against true heading, root mean square", GROUP,
-               "lower", "heading error, RMS", "deg"),
+               "lower", "heading error, RMS"),
         Metric("pose_nees", "", "mean normalised estimation error squared of x, y, heading and speed; a "
-               "consistent estimate has 4", GROUP, "", "NEES", "", 1),
+               "consistent estimate has 4", GROUP, "", "NEES"),
         Metric("fix_share", "1", "share of the receiver's samples with the quality `fix`", GROUP, "higher",
-               "with a fix", "%", 1),
+               "with a fix"),
         Metric("fix_lost_max_s", "s", "longest time from losing the quality `fix` to having it again", GROUP,
-               "lower", "longest without a fix", "s", 1),
+               "lower", "longest without a fix"),
         Metric("path_share", "1", "share of the time on a path by the measured pose", GROUP, "",
-               "steered along a path", "%", 1),
+               "steered along a path"),
     )  # fmt: skip
     EVENTS = ("fix_lost",)
 

@@ -6,6 +6,7 @@ from math import acos, cos, degrees, radians, sqrt
 import numpy as np
 
 from swath.core.blocks import number_of, samples_of
+from swath.core.number_text import num
 from swath.core.portable import product
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -32,7 +33,7 @@ class Rollover:
     SIGNALS = (MachineState,)
     METRICS = (
         Metric("rollover_count", "", "times that the machine rolled over, which ends the run", "Safety",
-               "lower", "rolled over", "", decimals=0, is_windowed=False),
+               "lower", "rolled over", is_windowed=False),
     )  # fmt: skip
     EVENTS = ("rollover",)
     LIMITS: Mapping[str, Mapping[str, float]] = {"rollover_count": {"max": 0.0}}
@@ -77,8 +78,8 @@ class Rollover:
 
     def _note(self, state: MachineState, tilt: float) -> None:
         x, y, _ = (float(v) for v in state.pose.position)
-        where = f"at {state.t / NS:.1f} s, x = {x:.1f} m, y = {y:.1f} m"
-        text = f"rolled over {where}: tilted by {degrees(tilt):.0f} deg against the ground"
+        where = f"at {num(state.t / NS, places=1)} s, x = {num(x, places=1)} m, y = {num(y, places=1)} m"
+        text = f"rolled over {where}: tilted by {num(degrees(tilt))} deg against the ground"
         begun = state.t, "rollover", self.setup.name, x, y, state.distance
         self._events.append(Event(*begun, text, end_t=state.t))
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from swath.core.blocks import Seen, number_of, samples_of
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
@@ -25,9 +26,7 @@ class Stops(Later):
     """Events `stop`: the machine drove, and stands."""
 
     SIGNALS = (MachineState, Objects)
-    METRICS = (
-        Metric("stop_count", "", "times that the machine drove and then stood", "Driving", decimals=0),
-    )
+    METRICS = (Metric("stop_count", "", "times that the machine drove and then stood", "Driving"),)
     EVENTS = ("stop",)
     COUNTED: Mapping[str, str] = {"stop_count": "stop"}
 
@@ -71,7 +70,7 @@ class Stops(Later):
     def _stand(self, state: MachineState) -> None:
         x, y, _ = state.pose.position.tolist()
         gap, other = self._setup.bodies.clearance(self._setup.name)
-        near = f", {gap:.1f} m before {other}" if other and gap < 20.0 else ""
+        near = f", {num(gap)} m before {other}" if other and gap < 20.0 else ""
         name, text = self._setup.name, f"{self._setup.name} stands{near}"
         why = self._why(state.t)
         self._events.append(Event(state.t, "stop", name, x, y, state.distance, text, state.t, because=why))

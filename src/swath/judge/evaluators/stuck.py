@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import nan
 
 from swath.core.blocks import number_of, samples_of
+from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.judge.evaluator import EvaluatorSetup, Event, Metric
@@ -25,9 +26,9 @@ class Stuck:
     SIGNALS: tuple[type[Signal], ...] = (MachineState, MachineLoad)
     METRICS = (
         Metric("stuck_count", "", "times that the machine got stuck, which ends the run", "Safety", "lower",
-               "got stuck", "", decimals=0, is_windowed=False),
+               "got stuck", is_windowed=False),
         Metric("least_mobility", "", "least mobility number of a driven wheel: below 1.85 it is stuck",
-               "Safety", "higher", "least mobility number", "", is_windowed=False),
+               "Safety", "higher", "least mobility number", is_windowed=False),
     )  # fmt: skip
     EVENTS = ("stuck",)
     LIMITS: Mapping[str, Mapping[str, float]] = {}
@@ -56,8 +57,8 @@ class Stuck:
         number = self._on.number(x, y, state.pose.euler()[2], self._grain)
         self._least = min(number, self._least)
         if number < STUCK:
-            where = f"at {state.t / NS:.1f} s, x = {x:.1f} m, y = {y:.1f} m"
-            text = f"stuck {where}: mobility number {number:.2f}, {STUCK:g} is needed"
+            where = f"at {num(state.t / NS, places=1)} s, x = {num(x, places=1)} m, y = {num(y, places=1)} m"
+            text = f"stuck {where}: mobility number {num(number)}, {num(STUCK)} is needed"
             begun = state.t, "stuck", self._name, x, y, state.distance
             self._events.append(Event(*begun, text, end_t=state.t))
 

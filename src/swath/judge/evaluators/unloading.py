@@ -80,12 +80,12 @@ class Unloading(Later):
     OF_FIELD = True
     SIGNALS = (MachineState, TrailerState, UnloadState, Station, HeapState)
     METRICS = (
-        Metric("unloaded_kg", "kg", "grain that came down in a box", GROUP, "", "", "", 1),
+        Metric("unloaded_kg", "kg", "grain that came down in a box", GROUP, "", ""),
         Metric("spill_share", "1", "grain that missed a box or ran over its rim, of what left the tank",
-               GROUP, "lower", "spilled", "%", 3),
+               GROUP, "lower", "spilled"),
         Metric("box_level", "1", "grain in the fullest box, of the largest heap on its rim", GROUP, "higher",
-               "", "%", 1),
-        Metric("unloading_s", "s", "time with grain flowing from a pipe", GROUP, "", "", "", 1),
+               ""),
+        Metric("unloading_s", "s", "time with grain flowing from a pipe", GROUP, "", ""),
         Metric("station_along_mean_m", "m",
                "mean |deviation| along while grain flows, once it is reached", GROUP, "lower"),
         Metric("station_along_max_m", "m",
@@ -96,7 +96,7 @@ class Unloading(Later):
                "largest |deviation| across while grain flows, once it is reached", GROUP, "lower"),
         Metric("station_mean_m", "m", "mean distance from the wanted point, likewise", GROUP, "lower"),
         Metric("station_late_s", "s", "time with grain flowing before the station is reached", GROUP,
-               "lower", "", "", 1),
+               "lower", ""),
     )  # fmt: skip
 
     def __init__(self, setup: EvaluatorSetup) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_in, file_of, only_code
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.documents.yaml_document import parse_value
 from swath.judge.summary import read_summary
@@ -73,7 +74,7 @@ def plan_branch(run: Path, at_s: float, sets: Mapping[str, Any], allow: Sequence
     if not isinstance(end_s, int | float):
         raise InputError("RUN", str(run), "expected a summary.json with simulated_s")
     if not 0.0 < at_s <= end_s:
-        raise InputError("--at-s", at_s, f"expected a time of the run, above 0 and up to {end_s:g} s")
+        raise InputError("--at-s", at_s, f"expected a time of the run, above 0 and up to {num(end_s)} s")
     _check_repeats(scenario, summary)
     allow = [*allow, *code_in([parse_value(str(value), key) for key, value in sets.items()])]
     with only_code((*code_of(scenario), *map(file_of, allow))):

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets, option
 
 PLACE = "look", 3  # among all commands
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         print("swath: saves of another version of swath, or damaged ones, are not read", file=sys.stderr)
     if not args.quiet:
         again = f"{args.folder} holds no saved state to begin with (swath run --save-every-s)"
-        goes_on = f"going on from its save at {plan.saved_s:g} s"
+        goes_on = f"going on from its save at {num(plan.saved_s)} s"
         print(goes_on if plan.saved_s else f"{again}, so it is computed again from 0 s", flush=True)
     try:
         result = plan.run(

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import option
 from swath.tools.calibrate.engine_command import add_engine
 
@@ -107,23 +108,22 @@ def _report(table: Any, held_out: Any) -> None:
     from dataclasses import asdict
 
     from swath.sensing.tables import valid_range
-    from swath.terminal.tables import number
     from swath.terminal.tables import table as show
     from swath.tools.calibrate.fit import quality
 
     for name, grid in (("standing crop", table.standing), ("stubble", table.stubble)):
         show(f"range of validity, {name}", ("axis", "from", "to"),
-             [(k, number(a), number(b)) for k, (a, b) in valid_range(grid).items()])  # fmt: skip
+             [(k, num(a), num(b)) for k, (a, b) in valid_range(grid).items()])  # fmt: skip
         mine = [h for h in held_out if h.is_cut == (grid is table.stubble)]
         if not mine:
             print(f"nothing was left to hold out of {name}")
             continue
         rows = [
-            (k, ", ".join(f"{n} {number(v)}" for n, v in parts.items())) for k, parts in quality(mine).items()
+            (k, ", ".join(f"{n} {num(v)}" for n, v in parts.items())) for k, parts in quality(mine).items()
         ]
         show(f"{name} against {len(mine)} places held out", ("number", "over the places"), rows)
         worst = max(mine, key=lambda h: h.agreement.wasserstein_m)
-        place = ", ".join(f"{k} {number(v)}" for k, v in asdict(worst.place).items())
+        place = ", ".join(f"{k} {num(v)}" for k, v in asdict(worst.place).items())
         print(f"worst place: {place}")
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num, span
 from swath.terminal.options import option
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def run_engine_fit(args: argparse.Namespace) -> int:
     from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
     from swath.field_io.logs.machine_log import read_machine_log
     from swath.machine.machine_sheet import open_machine
-    from swath.terminal.tables import number, table
+    from swath.terminal.tables import table
     from swath.tools.calibrate.engine_fit import KEYS, fit_engine
     from swath.tools.compare_log.compare import Drive
 
@@ -59,8 +60,7 @@ def run_engine_fit(args: argparse.Namespace) -> int:
         )  # fmt: skip
     names = [f"without {name}" for name in log.machine_names]
     rows = [
-        [n.key, number(n.start), number(n.value), number(n.error), *map(number, n.left_out), n.unit]
-        for n in made.numbers
+        [n.key, num(n.start), num(n.value), num(n.error), *map(num, n.left_out), n.unit] for n in made.numbers
     ]
     table("fitted on all machines", ("key", "start", "value", "error", *names, "unit"), rows)
     head = (
@@ -86,12 +86,10 @@ def run_engine_fit(args: argparse.Namespace) -> int:
 
 
 def _rows(made: Iterable["Prediction"]) -> list[list[str]]:
-    from swath.report.html import signed
-
     rows = []
     for p in made:
-        between = " to ".join(signed(v, 2) for v in p.load_r2_range)
-        load = [signed(p.load.r2, 2), between, signed(p.load.rmse, 2), signed(p.load.bias, 2)]
-        fuel = [signed(v, 2) for v in (p.fuel.r2, p.fuel.rmse, p.fuel.bias, p.fuel_bias_percent)]
+        between = span(p.load_r2_range)
+        load = [num(p.load.r2), between, num(p.load.rmse), num(p.load.bias)]
+        fuel = [num(v) for v in (p.fuel.r2, p.fuel.rmse, p.fuel.bias, p.fuel_bias_percent)]
         rows.append([p.machine, str(p.load.count), *load, *fuel])
     return rows

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import add_folder, option
 from swath.tools.compare_scans import command as scans
 
@@ -83,7 +84,7 @@ def _run_process(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from swath.core.errors import InputError
-    from swath.terminal.tables import number, table
+    from swath.terminal.tables import table
     from swath.tools.compare_log.compare import Drive, compare_log
     from swath.tools.compare_log.page import statistic_rows, write_comparison
 
@@ -100,7 +101,7 @@ def _run_process(args: argparse.Namespace) -> int:
             progress=status.update,
         )  # fmt: skip
     if made.fitted:
-        rows = [[f.key, number(f.start), number(f.value), number(f.error), f.unit] for f in made.fitted]
+        rows = [[f.key, num(f.start), num(f.value), num(f.error), f.unit] for f in made.fitted]
         table(f"fitted on {made.fitted_on}", ("key", "start", "fitted", "error", "unit"), rows)
     head = ("quantity", "records", "model", "count", "R2", "RMSE", "bias", "r", "lag s")
     table(f"{made.model} against {made.log_name}", head, statistic_rows(made))

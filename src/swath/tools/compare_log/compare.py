@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose
+from swath.core.number_text import num, percent_of
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import RPM, rounded, split_unit
@@ -406,7 +407,7 @@ def _parts(
     if not 0.05 <= share <= 0.95:
         raise InputError("share", share, "expected 0.05 to 0.95")
     first = np.arange(len(log)) < round(share * len(log))
-    names = f"first {100 * share:.0f} %", f"last {100 - 100 * share:.0f} %"
+    names = f"first {percent_of(share)}", f"last {num(100 - 100 * share)} %"
     return {names[0]: first & used, names[1]: ~first & used}, first
 
 

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from swath.core.files.place import remove
 from swath.core.files.whole_file import new_file, write_whole
+from swath.core.number_text import num, signed
 from swath.documents.json_file import write_json
 from swath.documents.yaml_document import dump
-from swath.report.html import Figure, Items, Section, Table, signed, write_page
+from swath.report.html import Figure, Items, Section, Table, write_page
 from swath.report.plots import GREY, ORANGE, as_image, figure, styled, write_picture
 from swath.tools.compare_log.compare import SHOWN, LogComparison
 
@@ -47,7 +48,7 @@ def write_comparison(made: LogComparison, out: Path) -> None:
     """Write results.json, comparison.png, report.html, machine.yaml (as fitted), series.parquet."""
     out, fig = Path(out), draw(made)
     begin_comparison(out, fig, made.to_dict())
-    fitted = [[f.key, f"{f.start:g}", f"{f.value:g}", f"{f.error:.2g}", f.unit] for f in made.fitted]
+    fitted = [[f.key, num(f.start), num(f.value), num(f.error), f.unit] for f in made.fitted]
     measured = ["quantity", "records", "model", "count", "R²", "RMSE", "bias", "r", "lag [s]"]
     tables = [
         Table(f"Fitted on {made.fitted_on}", FITTED, fitted, (1, 2, 3)),
@@ -125,7 +126,7 @@ def _scatter(ax: Any, made: LogComparison, quantity: str, mask: Mask) -> None:
     ax.plot([low, high], [low, high], color=GREY, lw=0.9, ls=(0, (4, 3)))
     ax.set(xlim=(low, high), ylim=(low, high), xlabel="measured", ylabel="simulated")
     found = list(made.statistics[quantity].values())[-1]["model"]
-    text = f"R² {found.r2:.2f}\nRMSE {found.rmse:.3g} {SHOWN[quantity][0]}\nlag {found.lag_s:+.1f} s"
+    text = f"R² {num(found.r2)}\nRMSE {num(found.rmse)} {SHOWN[quantity][0]}\nlag {signed(found.lag_s)} s"
     ax.text(0.04, 0.96, text.replace("-", "−"), transform=ax.transAxes, va="top", fontsize=9.5)
 
 
@@ -151,6 +152,6 @@ def statistic_rows(made: LogComparison) -> list[list[str]]:
         for part, models in parts.items():
             fitted = " (fitted)" if part == made.fitted_on else ""
             for k, f in models.items():
-                numbers = [str(f.count), *(signed(v, 2) for v in (f.r2, f.rmse, f.bias, f.r))]
-                rows.append([_label(quantity), part + fitted, k, *numbers, signed(f.lag_s, 1)])
+                numbers = [str(f.count), *(num(v) for v in (f.r2, f.rmse, f.bias, f.r))]
+                rows.append([_label(quantity), part + fitted, k, *numbers, num(f.lag_s)])
     return rows

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
+from swath.core.number_text import num
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG, rounded, split_unit
@@ -472,9 +473,9 @@ def compare_steering(
         sheet, part = fit_steering(sheet, read, asked["steering"])
         parts.append(part)
         if read.period > 0.03:
-            late = f"{500.0 * read.period:.0f}"
+            late = num(500.0 * read.period)
             notes.append(
-                f"commands are logged every {1e3 * read.period:.0f} ms and taken to hold until the next: "
+                f"commands are logged every {num(1e3 * read.period)} ms and taken to hold until the next: "
                 f"where they change in between, the dead time comes out up to {late} ms too long or short"
             )
     elif asked["steering"]:

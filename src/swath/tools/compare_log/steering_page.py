@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num, span
 from swath.documents.yaml_document import dump
 from swath.report.html import Table
 from swath.report.plots import BLUE, GREY, ORANGE, figure, styled
@@ -26,7 +27,7 @@ RESIDUALS = (
 def fitted_rows(made: SteeringComparison) -> list[list[str]]:
     """Part, key, number of the data sheet, fitted number, its interval, unit, as text."""
     return [
-        [p.name, f.key, f"{f.start:.4g}", f"{f.value:.4g}" if f.is_seen else "-", _interval(f), f.unit]
+        [p.name, f.key, num(f.start), num(f.value) if f.is_seen else "-", _interval(f), f.unit]
         for p in made.parts
         for f in p.fitted
     ]
@@ -34,9 +35,7 @@ def fitted_rows(made: SteeringComparison) -> list[list[str]]:
 
 def left_rows(made: SteeringComparison) -> list[list[str]]:
     """Part, quantity, passes, RMSE of the data sheet, as fitted and predicted, unit, as text."""
-    return [
-        [p.name, p.quantity, str(p.block_count), *(f"{v:.3g}" for v in p.rmse), p.unit] for p in made.parts
-    ]
+    return [[p.name, p.quantity, str(p.block_count), *(num(v) for v in p.rmse), p.unit] for p in made.parts]
 
 
 def write_steering(made: SteeringComparison, out: Path) -> None:
@@ -95,4 +94,4 @@ def _by_pass(ax: Any, made: SteeringComparison, part: PartFit) -> None:
 
 
 def _interval(f: FittedWith) -> str:
-    return f"{f.low:.4g} to {f.high:.4g}" if isfinite(f.low) and isfinite(f.high) else "not shown by this log"
+    return span([f.low, f.high]) if isfinite(f.low) and isfinite(f.high) else "not shown by this log"

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from swath.core.apart.call import apart
 from swath.core.errors import Extra, InputError, reason_of
 from swath.core.files.read_file import check_readable
+from swath.core.number_text import num, percent_of
 from swath.field.maps.projection import transform
 from swath.rays.height_grid import NODE_CELLS, TILE, lattice_height
 from swath.signals import F64
@@ -84,11 +85,11 @@ def _check_heights(height: F64, path: Path) -> None:
     """InputError where heights say that the frame or the unit is another one."""
     low = float(np.mean(height < LOWEST_M))
     if low > 0.5:
-        where = f"{100 * low:.0f} % of the echoes lie {-LOWEST_M:g} m or more below the ground"
+        where = f"{percent_of(low)} of the echoes lie {num(-LOWEST_M)} m or more below the ground"
         raise InputError("scans", path.name, f"expected z upwards and the right --mount: {where}", file=path)
     top = float(np.percentile(height, 95.0))
     if top > HIGHEST_M:
-        expected = f"expected metres, 5 % of the echoes are {top:.4g} or more above the ground"
+        expected = f"expected metres, 5 % of the echoes are {num(top)} or more above the ground"
         raise InputError("scans", path.name, expected, file=path)
 
 
@@ -128,7 +129,7 @@ def _grounded(frame: Frame, lattice: F64, points: F64, height: F64, ground: str,
     if ground == "echoes":
         return np.asarray(height - at)
     if (off := float(np.median(at))) < -0.1:
-        where = f"the lowest echoes lie {-off:.2f} m below the ground that the poses give"
+        where = f"the lowest echoes lie {num(-off)} m below the ground that the poses give"
         notes.append(f"{where}: --ground echoes takes theirs, --mount says where the scanner sits")
     return height
 
@@ -177,7 +178,7 @@ def _read_las(path: Path, how: Reading) -> Cloud:
     if not is_placed.any():
         raise InputError("scans", path.name, "expected points at places on earth, none is", file=path)
     if not is_placed.all():
-        notes.append(f"{int((~is_placed).sum()):,} of {len(points):,} points lie at no place on earth")
+        notes.append(f"{num(int((~is_placed).sum()))} of {num(len(points))} points lie at no place on earth")
         points, intensity, classes = points[is_placed], intensity[is_placed], classes[is_placed]
     if not intensity.any():
         intensity = np.full(len(intensity), np.nan)
@@ -237,8 +238,8 @@ def _las_heights(points: F64, classes: Any, path: Path, notes: list[str]) -> F64
         frame = Frame(track, CELL_M, 1.0 + float(np.abs(aside).max()))
     except InputError:
         most = TILES_MAX * (TILE * CELL_M) ** 2 / 1e6
-        spread = f"they spread over {track.length:.0f} x {np.ptp(aside):.0f} m"
-        expected = f"expected at most {most:.1f} km2 of ground about the points, {spread}"
+        spread = f"they spread over {num(track.length)} x {num(np.ptp(aside))} m"
+        expected = f"expected at most {num(most)} km2 of ground about the points, {spread}"
         raise InputError("scans", path.name, expected, file=path) from None
     local, chosen = frame.to_local(points), is_ground if has_ground else np.ones(len(points), bool)
     shift = _low(frame, local[chosen], height[chosen], frame.nodes()[0].shape)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swath.core.errors import Extra, InputError, check_within
+from swath.core.number_text import num, signed
 from swath.core.random import Stream
 from swath.signals import F64
 from swath.tools.compare_scans.clouds import LOWEST_M, Cloud, axis_track
@@ -53,7 +54,7 @@ class Path:
         distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(flat, axis=0).T))])
         self.length = float(distance[-1])
         if self.length < 2.0 * STEP_M:
-            raise InputError("poses", name, f"expected a path, it is {self.length:.2f} m long")
+            raise InputError("poses", name, f"expected a path, it is {num(self.length)} m long")
         self.s = np.linspace(0.0, self.length, round(self.length / STEP_M) + 1)
         raw = np.stack([np.interp(self.s, distance, flat[:, k]) for k in (0, 1)], axis=1)
         self.xy = _smooth(raw)
@@ -61,7 +62,7 @@ class Path:
         self.heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
         turned = float(np.abs(self.heading - self.heading[0]).max())
         if turned > TURN_MAX:
-            expected = f"expected one pass, its path turns by {degrees(turned):.0f} deg: cut the recording"
+            expected = f"expected one pass, its path turns by {num(degrees(turned))} deg: cut the recording"
             raise InputError("poses", name, expected)
 
     def at(self, s: F64) -> tuple[F64, F64]:
@@ -125,7 +126,7 @@ def aligned(a: Cloud, b: Cloud, how: str, notes: list[str]) -> tuple[Place, Plac
     if track is None:
         track = axis_track(a.points)
         yaw = degrees(track.angle[0, 2])
-        notes.append(f"neither has a path: along is the longer axis of {a.name}, {yaw:.1f} deg from east")
+        notes.append(f"neither has a path: along is the longer axis of {a.name}, {num(yaw)} deg from east")
     path = Path(track, whose.name)
     _check_overlap(a, b)
     if how == "icp":
@@ -138,7 +139,7 @@ def _check_overlap(a: Cloud, b: Cloud) -> None:
     low, high = np.maximum(ends[0][0], ends[1][0]), np.minimum(ends[0][1], ends[1][1])
     if (high - low > 0.0).all():
         return
-    where = [f"x {e[0][0]:.0f} to {e[1][0]:.0f}, y {e[0][1]:.0f} to {e[1][1]:.0f}" for e in ends]
+    where = [f"x {num(e[0][0])} to {num(e[1][0])}, y {num(e[0][1])} to {num(e[1][1])}" for e in ends]
     expected = (
         f"expected one place: {a.name} lies at {where[0]} m, {b.name} at {where[1]} m; --align path lays "
         "them over each other by their own paths, --field says where local metres begin"
@@ -163,8 +164,8 @@ def _by_icp(a: Cloud, b: Cloud, notes: list[str]) -> F64:
     turned = degrees(acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(matrix[:3, :3])) - 1.0)))))
     rms = float(np.sqrt(rms))
     text = (
-        f"ICP moves {b.name} by {moved[0]:.2f}, {moved[1]:.2f}, {moved[2]:.2f} m and turns it by "
-        f"{turned:.2f} deg; its points then lie {rms:.2f} m (RMS) from the nearest of {a.name}"
+        f"ICP moves {b.name} by {num(moved[0])}, {num(moved[1])}, {num(moved[2])} m and turns it "
+        f"by {num(turned)} deg; its points then lie {num(rms)} m (RMS) from the nearest of {a.name}"
     )
     if np.linalg.norm(moved) > ICP_MOVED_M or turned > ICP_TURNED_DEG or rms > ICP_REST_M:
         raise InputError("--align", "icp", f"expected two clouds of one place: {text}")
@@ -311,7 +312,7 @@ def compare_clouds(
     here, map_w1, map_mean = _compared(binned, count, blocks)
     if not here.any():
         where = [
-            f"{f(p.d):.0f} m to the left and {f(p.s):.0f} m along" for p in places for f in (np.min, np.max)
+            f"{num(f(p.d))} m to the left and {num(f(p.s))} m along" for p in places for f in (np.min, np.max)
         ]
         expected = (
             f"expected cells with {FEWEST} echoes of both, there is none: {a.name} lies {where[0]} to "
@@ -323,7 +324,7 @@ def compare_clouds(
     _tell_shift(binned, grid, notes)
     _tell_scale(rows, notes)
     low_high = [np.percentile(c.height, [1.0, 99.0]) for c in (a, b)]
-    ends = [f"{lowest:.2f} to {highest:.2f}" for lowest, highest in low_high]
+    ends = [f"{num(lowest)} to {num(highest)}" for lowest, highest in low_high]
     facts: dict[str, tuple[Any, Any]] = {
         "echoes": (len(a), len(b)),
         "echoes in compared cells": (len(binned[0].height), len(binned[1].height)),
@@ -557,10 +558,10 @@ def _brightness(a: Cloud, b: Cloud, white: tuple[float, float] | None, notes: li
         return none
     scale = [_white(c, light) for c, light in zip((a, b), lit, strict=True)]
     ends = [float(np.percentile(light, 99.9)) for light in lit]
-    note = f"{a.name} goes up to {ends[0]:.4g}, {b.name} to {ends[1]:.4g}"
+    note = f"{a.name} goes up to {num(ends[0])}, {b.name} to {num(ends[1])}"
     if all(scale):
         if scale != [1.0, 1.0]:
-            notes.append(f"intensity: {note}; white is taken as {scale[0]:g} and {scale[1]:g}")
+            notes.append(f"intensity: {note}; white is taken as {num(scale[0])} and {num(scale[1])}")
         return a.intensity / scale[0], b.intensity / scale[1]
     if not any(scale) and max(ends) < 3.0 * min(ends):
         notes.append(f"intensity: {note}, on what scale is not known; compared as recorded")
@@ -593,8 +594,8 @@ def _tell_shift(binned: list[_Binned], grid: Grid, notes: list[str]) -> None:
     best, now = int(np.argmin(left)), left[int(np.argmin(np.abs(shifts)))]
     if left[best] < SHIFT_GAIN * now and now > 0.02 and abs(shifts[best]) >= 0.5 * grid.cell_m:
         notes.append(
-            f"B moved {-shifts[best]:+.2f} m to the left fits better: its tops are then "
-            f"{100 * left[best]:.1f} instead of {100 * now:.1f} cm from those of A: does the edge, do the "
+            f"B moved {signed(-shifts[best])} m to the left fits better: its tops are then "
+            f"{num(100 * left[best])} instead of {num(now, 'm')} from those of A: does the edge, do the "
             "poses differ?"
         )
 
@@ -616,5 +617,5 @@ def _tell_scale(rows: list[dict[str, Any]], notes: list[str]) -> None:
         return
     for factor, which in ((FEET, "B"), (1.0 / FEET, "A")):
         if abs(tops[0] / tops[1] / factor - 1.0) < NEAR:
-            tall = f"tops are {tops[0]:.2f} and {tops[1]:.2f} m"
+            tall = f"tops are {num(tops[0])} and {num(tops[1])} m"
             notes.append(f"{tall}, the factor of feet: is {which} in feet?")

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.number_text import num, percent_of, signed
 from swath.documents.json_file import write_json
-from swath.report.html import Facts, Figure, Items, Section, Table, signed, write_page
+from swath.report.html import Facts, Figure, Items, Section, Table, write_page
 from swath.report.plots import BLUE, FAINT, GREY, INK, ORANGE, as_image, figure, styled, write_picture
 from swath.signals import F64
 from swath.tools.compare_scans.compare import (
@@ -23,15 +24,15 @@ from swath.tools.distributions import GROUND_BELOW
 
 HEAD = ("mean over the cells", "A", "B", "B - A", "95 % interval", "")
 WORDS = {
-    "w1_m": ("W1 of heights", 100.0, "cm", 2),
-    "ks": ("KS of heights", 1.0, "", 3),
-    "intensity_w1": ("W1 of intensity", 1.0, "", 3),
-    "mean_m": ("height", 100.0, "cm", 1),
-    "top_m": (f"height that {TOP:g} % lie under", 100.0, "cm", 1),
-    "ground_share": ("share from the ground", 100.0, "%", 1),
-    "penetration_m": ("depth in the crop", 100.0, "cm", 1),
-    "returns_per_m2": ("returns per m2", 1.0, "", 0),
-    "intensity": ("intensity", 1.0, "", 3),
+    "w1_m": "W1 of heights [m]",
+    "ks": "KS of heights",
+    "intensity_w1": "W1 of intensity",
+    "mean_m": "height [m]",
+    "top_m": f"height that {num(TOP)} % lie under [m]",
+    "ground_share": "share from the ground",
+    "penetration_m": "depth in the crop [m]",
+    "returns_per_m2": "returns per m2",
+    "intensity": "intensity",
 }
 
 
@@ -41,14 +42,13 @@ def number_rows(made: Comparison) -> list[list[str]]:
 
 
 def _row(n: Number) -> list[str]:
-    name, scale, unit, digits = WORDS[n.name]
-    label = f"{name} [{unit}]" if unit else name
+    label, difference = WORDS[n.name], signed(n.difference, of=(n.a, n.b))
     if n.name in DISTANCES:
-        noise = f"noise up to {n.spread[0] * scale:.{digits}f}" if n.spread else ""
-        return [label, "", "", signed(scale * n.difference, digits), "", f"{noise}{_beyond(n)}"]
-    ends = " to ".join(signed(scale * v, digits) for v in n.spread)
+        noise = f"noise up to {num(n.spread[0])}" if n.spread else ""
+        return [label, "", "", num(n.difference), "", f"{noise}{_beyond(n)}"]
+    ends = " to ".join(signed(v, of=(n.a, n.b)) for v in n.spread)
     said = "" if not n.spread or n.spread[0] <= 0.0 <= n.spread[1] else "differs"
-    return [label, *(signed(scale * v, digits) for v in (n.a, n.b, n.difference)), ends, said]
+    return [label, num(n.a), num(n.b), difference, ends, said]
 
 
 def _beyond(n: Number) -> str:
@@ -64,11 +64,11 @@ def write_comparison(made: Comparison, out: Path) -> None:
     for name, fig in pictures.items():
         write_picture(out / name, fig)
     w1 = made.number("w1_m")
-    noise = f"noise up to {100 * w1.spread[0]:.2f} cm" if w1.spread else "too short for its noise"
+    noise = f"noise up to {num(w1.spread[0], 'm')}" if w1.spread else "too short for its noise"
     is_beyond = not w1.spread or w1.difference > w1.spread[0]
     facts = {
-        "cells": f"{len(made.cells)} of {made.grid.cell_m:g} m across",
-        "blocks": f"{len(made.blocks)} of {made.grid.block_m:g} m along",
+        "cells": f"{len(made.cells)} of {num(made.grid.cell_m)} m across",
+        "blocks": f"{len(made.blocks)} of {num(made.grid.block_m)} m along",
         "aligned by": made.align,
     }
     read = [[what, *(_fact(v) for v in pair)] for what, pair in made.facts.items()]
@@ -85,7 +85,7 @@ def write_comparison(made: Comparison, out: Path) -> None:
         heading="Two sets of scans",
         title="{1} against {0}, compare scans".format(*made.names),
         lead="A: {}; B: {}".format(*made.names),
-        verdict=("none" if is_beyond else "pass", f"W1 {100 * w1.difference:.2f} cm", noise),
+        verdict=("none" if is_beyond else "pass", f"W1 {num(w1.difference, 'm')}", noise),
         top=[Facts(facts)],
     )
 
@@ -98,7 +98,7 @@ ABOUT_NUMBERS = (
     f"blocks with replacement. Both need {FEWEST_BLOCKS} blocks."
 )
 ABOUT_READ = (
-    f"A cell counts with {FEWEST} echoes of both. Echoes lower than {100 * GROUND_BELOW:g} cm come from "
+    f"A cell counts with {FEWEST} echoes of both. Echoes lower than {num(GROUND_BELOW, 'm')} come from "
     "the ground, the others from crop or stubble. Depth: of the echoes from crop below the height that 95 "
     "% of the cell's lie under."
 )
@@ -113,8 +113,8 @@ def _fact(value: Any) -> str:
     if value is None:
         return "not known"
     if isinstance(value, float):
-        return f"{100 * value:.1f} %"
-    return f"{value:,}".replace(",", "\u202f") if isinstance(value, int) else str(value)
+        return percent_of(value)
+    return num(value)
 
 
 def _column(made: Comparison, name: str) -> tuple[F64, F64]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.number_text import num, signed
 from swath.core.schedule import NS
 from swath.documents.yaml_document import read_document
 from swath.judge.summary import read_summary
@@ -24,7 +25,6 @@ from swath.report.plots import BLUE, ORANGE, as_image, curves_figure, figure, st
 from swath.runtime.folder import check_run_folder
 from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
-from swath.terminal.tables import number
 
 ROUNDING = 1e-12  # relative; metrics nearer than that are reported as equal
 VARY = ("real_time_factor", "wall_s")  # by the clock on the wall
@@ -81,11 +81,11 @@ class Comparison:
         if not self.differences:
             return "different digests, the same recorded samples"
         at = self.differences[0]
-        return f"different from {at.t / NS:.3f} s on: {at.slot}, {at.what}"
+        return f"different from {num(at.t / NS, places=3)} s on: {at.slot}, {at.what}"
 
     def difference_rows(self) -> list[tuple[str, ...]]:
         """Rows of a table."""
-        return [(d.slot, f"{d.t / NS:.3f}", d.what, *d.values) for d in self.differences]
+        return [(d.slot, num(d.t / NS, places=3), d.what, *d.values) for d in self.differences]
 
 
 def compare(first: Path, second: Path) -> Comparison:
@@ -141,7 +141,7 @@ def _first_difference(topic: str, slot: str, a: Log, b: Log) -> Difference | Non
         if one is None or other is None:
             return None
         if one[0] != other[0]:
-            times = f"{one[0] / NS:.4f}", f"{other[0] / NS:.4f}"
+            times = num(one[0] / NS, places=4), num(other[0] / NS, places=4)
             return Difference(slot, min(one[0], other[0]), "time of the sample", times)
         for name in dict.fromkeys([*flat_fields(type(one[1])), *flat_fields(type(other[1]))]):
             values = (_value(one[1], name), _value(other[1], name))
@@ -155,18 +155,13 @@ def _value(sample: Signal, name: str) -> Any:
 
 
 def shown_value(value: Any, other: Any) -> str:
-    """A number of six digits; of an array the first one that differs; where the digits are those of the
-    other, with the difference from it.
-    """
+    """A number, with digits that tell it from the other; of an array the first one that differs."""
     if isinstance(value, np.ndarray) and isinstance(other, np.ndarray):
         if value.shape != other.shape:
             return f"{value.shape} numbers"
         at = np.flatnonzero((value != other).ravel() & ~(np.isnan(value) & np.isnan(other)).ravel())
         return shown_value(value.ravel()[at[0]].item(), other.ravel()[at[0]].item()) if len(at) else "-"
-    if isinstance(value, float):
-        same = isinstance(other, int | float) and value != other and f"{value:.6g}" == f"{other:.6g}"
-        return f"{value:.6g} ({value - other:+.1e})" if same else f"{value:.6g}"
-    return str(value)
+    return num(value, beside=[other])
 
 
 def _settings(a: Run, b: Run) -> list[tuple[str, str, str]]:
@@ -194,9 +189,9 @@ def _metrics(a: Run, b: Run) -> list[tuple[str, str, str, str]]:
     for name in dict.fromkeys([*one, *other]):
         x, y = one.get(name), other.get(name)
         if x is None or y is None:
-            rows.append((name, number(x), number(y), ""))
+            rows.append((name, num(x), num(y), ""))
         elif abs(y - x) > ROUNDING * max(abs(x), abs(y)):
-            rows.append((name, number(x), number(y), f"{y - x:+.3g}"))
+            rows.append((name, num(x, beside=[y]), num(y, beside=[x]), signed(y - x, of=[x, y])))
     return rows
 
 
@@ -215,7 +210,7 @@ def _numbers(summary: Mapping[str, Any]) -> dict[str, float]:
 
 def _events(run: Run) -> list[tuple[str, str]]:
     found = events_of(run.summary, run.tracks)
-    return [(run.label, f"{e['t_s']:.2f} s {e['machine']} {e['text']}") for e in found]
+    return [(run.label, f"{num(e['t_s'], places=2)} s {e['machine']} {e['text']}") for e in found]
 
 
 STYLES = ({"color": BLUE, "lw": 1.6}, {"color": ORANGE, "lw": 1.1})

@@ -13,6 +13,7 @@ import numpy as np
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
 from swath.core.frames import rotation_matrix
+from swath.core.number_text import num, percent_of
 from swath.field.memory_layout import Organ
 from swath.field.solid.solids import merge
 from swath.rays.engine import RayCaster
@@ -117,7 +118,7 @@ def export(world: World, wanted: Wanted, tell: Callable[[str], None]) -> list[Pa
     if suffix not in known:
         raise InputError("--out", str(wanted.out), f"expected {_named(wanted.to)}")
     place = meeting_point(world) if wanted.place is None else np.array(wanted.place)
-    tell(f"place     x = {place[0]:.2f} m, y = {place[1]:.2f} m, {wanted.ground:g} m x {wanted.ground:g} m")
+    tell(f"place     x = {num(place[0])} m, y = {num(place[1])} m, {num(wanted.ground)} m wide")
     if wanted.to == "las":
         return _survey(world, wanted, place, tell)
     if wanted.to == "glb":
@@ -144,7 +145,7 @@ def meeting_point(world: World) -> F64:
 def _survey(world: World, wanted: Wanted, place: F64, tell: Callable[[str], None]) -> list[Path]:
     need_las()
     count = pulse_count(wanted.ground, wanted.per_m2)
-    tell(f"survey    {count:,} pulses, {wanted.per_m2:g} per m2")
+    tell(f"survey    {num(count)} pulses, {num(wanted.per_m2)} per m2")
     _tell_size(count * POINT_BYTES, tell)
     _check(wanted, count * POINT_BYTES)
     cloud, classes = survey(world, place, side=wanted.ground, per_m2=wanted.per_m2)
@@ -154,17 +155,17 @@ def _survey(world: World, wanted: Wanted, place: F64, tell: Callable[[str], None
 def _tell_scene(scene: FieldScene, wanted: Wanted, size: float, tell: Callable[[str], None]) -> None:
     heights = scene.ground.heights
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
-    tell(f"heights   {len(scene.ground.x)} x {len(scene.ground.y)}, {low:.3f} m to {high:.3f} m")
+    tell(f"heights   {len(scene.ground.x)} x {len(scene.ground.y)}, {num(low)} m to {num(high)} m")
     if (share := scene.ground.unknown_share) > 0.0:
-        tell(f"note      {100 * share:.1f} % of the ground is beyond the terrain's map: taken as its lowest")
-    counts = ", ".join(f"{s.name} {len(s.faces):,}" for s in scene.plants) or "none"
-    tell(f"plants    within {wanted.plants:g} m, triangles: {counts}")
+        tell(f"note      {percent_of(share)} of the ground is beyond the terrain's map: taken as its lowest")
+    counts = ", ".join(f"{s.name} {num(len(s.faces))}" for s in scene.plants) or "none"
+    tell(f"plants    within {num(wanted.plants)} m, triangles: {counts}")
     tell(f"bodies    {', '.join(body.name for body in scene.bodies) or 'none'}")
     _tell_size(size, tell)
 
 
 def _tell_size(size: float, tell: Callable[[str], None]) -> None:
-    tell(f"size      about {size / MB:.1f} MB")
+    tell(f"size      about {num(size / MB)} MB")
 
 
 def _check(wanted: Wanted, size: float) -> None:
@@ -174,12 +175,12 @@ def _check(wanted: Wanted, size: float) -> None:
     share = wanted.most / size
     if wanted.to == "las":
         raise InputError(
-            "--points-per-m2", wanted.per_m2, f"expected at most {wanted.per_m2 * share:.3g} for --most-mb "
-            f"{wanted.most / MB:g}: it would be {size / MB:.0f} MB",
+            "--points-per-m2", wanted.per_m2, f"expected at most {num(wanted.per_m2 * share)} for --most-mb "
+            f"{num(wanted.most / MB)}: it would be {num(size / MB)} MB",
         )  # fmt: skip
     raise InputError(
-        "--plants-m", wanted.plants, f"expected at most {wanted.plants * share**0.5:.2g} for --most-mb "
-        f"{wanted.most / MB:g}: it would be {size / MB:.0f} MB",
+        "--plants-m", wanted.plants, f"expected at most {num(wanted.plants * share**0.5)} for --most-mb "
+        f"{num(wanted.most / MB)}: it would be {num(size / MB)} MB",
     )  # fmt: skip
 
 

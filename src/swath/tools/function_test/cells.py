@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from math import fsum, nan
 from typing import Any
 
+from swath.core.number_text import num
 from swath.tools.function_test.case import Case
 from swath.tools.function_test.judging.integrity import SUMMARY, pooled
 from swath.tools.function_test.judging.judged import ERROR, OPEN, UNJUDGED, beyond, why_unjudged
@@ -199,5 +200,6 @@ def _mean(name: str, values: Sequence[float], bounds: Any) -> tuple[str, str]:
     mean, (low, high) = fsum(values) / count, mean_interval(values)
     inside = (bounds.max is None or high <= bounds.max) and (bounds.min is None or low >= bounds.min)
     outside = (bounds.max is not None and low > bounds.max) or (bounds.min is not None and high < bounds.min)
-    text = f"{name}: mean {mean:.4g} ({low:.4g} to {high:.4g})"
+    middle, *ends = (num(v, beside=(mean, low, high)) for v in (mean, low, high))
+    text = f"{name}: mean {middle} ({' to '.join(ends)})"
     return (SHOWN if inside else BROKEN if outside else NOT_SHOWN), text

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from math import log1p
 
+from swath.core.number_text import num, span
 from swath.judge.evaluators.edge_detection import WRONG_M as ALERT_M
 from swath.report.chart import Chart
 from swath.tools.function_test.cells import Cell
@@ -47,8 +48,8 @@ def over_parameters(cells: Sequence[Cell]) -> list[Chart]:
             continue
         low, high = min(values), max(values)
         found = boundary([(value, run.margin >= 0.0) for number, value, run in drawn if number == 0])
-        said = "" if found is None else f": passes {found[1]} {found[0]:.3g}"
-        chart = Chart(WIDTH, HEIGHT, f"margin over {name}", caption=f"**{name}** {low:g} to {high:g}{said}")
+        said = "" if found is None else f": passes {found[1]} {num(found[0])}"
+        chart = Chart(WIDTH, HEIGHT, f"margin over {name}", caption=f"**{name}** {span([low, high])}{said}")
         chart.line(0.0, 0.5, 1.0, 0.5, "3 3")
         for at, text, down in ((1.0, "1", 12.0), (0.5, "0", -2.0), (0.0, "-1", -2.0)):
             chart.text(0.0, at, text, right=1.0, down=down)
@@ -59,7 +60,7 @@ def over_parameters(cells: Sequence[Cell]) -> list[Chart]:
         if found is not None:
             chart.line(across(found[0]), 0.0, across(found[0]), 1.0, "1 3")
         for number, value, run in drawn:
-            title = f"{name} {value:g}, seed {run.seed}: {run.reason or 'passes'}"
+            title = f"{name} {num(value)}, seed {run.seed}: {run.reason or 'passes'}"
             up = 0.5 + 0.43 * min(1.0, max(-1.0, run.margin))
             chart.dot(across(value), up, title=title, fill=colour(number))
         charts.append(chart)
@@ -94,8 +95,8 @@ def stanford(cells: Sequence[Cell], number: int) -> Chart | None:
     name = cells[0].candidate
     rate = episodes_per_km(whole["episodes"], whole["km"])
     caption = (
-        f"**{name}**: {whole['episodes']} hazardous episodes in {whole['km']:.3g} km: "
-        f"{rate:.3g} per km or fewer (95 %); the longest {whole['longest_m']:.2g} m"
+        f"**{name}**: {whole['episodes']} hazardous episodes in {num(whole['km'])} km: "
+        f"{num(rate)} per km or fewer (95 %); the longest {num(whole['longest_m'])} m"
     )
     chart = Chart(SIDE, SIDE, f"Stanford diagram of {name}", caption=caption)
     alert, cell = ALERT_M / (BIN_M * BIN_COUNT), 1.0 / BIN_COUNT
@@ -106,8 +107,8 @@ def stanford(cells: Sequence[Cell], number: int) -> Chart | None:
     chart.line(0.0, 0.0, 1.0, 1.0)
     chart.line(alert, 0.0, alert, 1.0, "3 3")
     chart.line(0.0, alert, 1.0, alert, "3 3")
-    chart.text(alert, 0.0, f"{ALERT_M:g} m", right=3.0, down=-13.0)
-    chart.text(1.0, 0.0, f"error {BIN_M * BIN_COUNT:g} m", anchor="end", right=-3.0, down=-3.0)
-    chart.text(0.0, alert, f"{ALERT_M:g} m", right=13.0, down=-3.0)
-    chart.text(0.0, 1.0, f"stated {BIN_M * BIN_COUNT:g} m", right=13.0, down=14.0)
+    chart.text(alert, 0.0, f"{num(ALERT_M)} m", right=3.0, down=-13.0)
+    chart.text(1.0, 0.0, f"error {num(BIN_M * BIN_COUNT)} m", anchor="end", right=-3.0, down=-3.0)
+    chart.text(0.0, alert, f"{num(ALERT_M)} m", right=13.0, down=-3.0)
+    chart.text(0.0, 1.0, f"stated {num(BIN_M * BIN_COUNT)} m", right=13.0, down=14.0)
     return chart

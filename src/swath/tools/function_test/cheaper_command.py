@@ -3,6 +3,7 @@
 import argparse
 from typing import Any
 
+from swath.core.number_text import num, percent_of
 from swath.terminal.options import add_sets, option
 
 
@@ -30,8 +31,8 @@ def _levels(args: argparse.Namespace) -> int:
         (
             tried.sets[0],
             tried.why or ("agrees, the same bytes" if tried.as_before == found.base.same else "agrees"),
-            f"{tried.apart:.2f}",
-            f"{100.0 * found.saved(tried):.0f} %",
+            num(tried.apart),
+            percent_of(found.saved(tried)),
         )
         for tried in found.tried
         if not tried.why.startswith("cannot")
@@ -43,6 +44,6 @@ def _levels(args: argparse.Namespace) -> int:
         print("no level may be cheaper")
         return 0
     share, same = 100.0 * found.saved(found.together), found.together.same
-    print(f"together {share:.0f} % of the time is saved, {same} of {same} verdicts the same:")
+    print(f"together {num(share)} % of the time is saved, {same} of {same} verdicts the same:")
     print(" ".join(f"--set {text}" for text in found.together.sets))
     return 0

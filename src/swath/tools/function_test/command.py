@@ -10,6 +10,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import code_unread
+from swath.core.number_text import num
 from swath.core.process.shell import command
 from swath.core.units import digits_in
 from swath.terminal.options import add_folder, add_sets, option
@@ -252,10 +253,9 @@ def _compare(args: argparse.Namespace) -> int:
     rows = []
     for name, d in found.differences.items():
         equal = args.within is not None and d.within <= args.within
-        said = f"equal within {args.within:g}" if equal else found.says(name)
-        interval = f"{d.low:+.4g} to {d.high:+.4g}" if isfinite(d.high) else "too few pairs"
-        rest = f"{d.within:.3g}" if isfinite(d.within) else "-", f"{d.smallest:.3g}"
-        rows.append((name, str(d.count), f"{d.estimate:+.4g}", interval, said, *rest))
+        said = f"equal within {num(args.within)}" if equal else found.says(name)
+        rest = num(d.within) if isfinite(d.within) else "-", num(d.smallest)
+        rows.append((name, str(d.count), *found.difference_texts(name), said, *rest))
     columns = (
         "new - old",
         "pairs",
@@ -347,9 +347,12 @@ def finish(folder: Path, session: Any, *, again: bool) -> int:
     page = write_matrix(folder / "report.html", cells, shadow=session.plan.shadow, nothing=nothing)
     rows = []
     for cell in cells:
-        said = ""
-        if (worst := cell.worst) is not None:
-            said = f"{worst.id[:8]} {cell.why_failed(worst) or f'margin {worst.margin:.2f}'}"
+        worst = cell.worst
+        said = (
+            ""
+            if worst is None
+            else f"{worst.id[:8]} {cell.why_failed(worst) or f'margin {num(worst.margin)}'}"
+        )
         rows.append((cell.case.name, cell.candidate, cell.verdict, "; ".join([cell.text, *cell.means]), said))
     table("", ("case", "candidate", "verdict", "what the runs show", "worst run"), rows)
     if len(session.plan.candidates) > 1:

@@ -5,11 +5,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import ceil, log2
+from math import ceil, isfinite, log2
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 from swath.core.errors import InputError
+from swath.core.number_text import signed
 from swath.judge.catalogue import load_evaluators
 from swath.sensing.lidar.empirical import BIASED
 from swath.tools.function_test.fidelity import CHEAP, LEVEL_BIAS_M, levels_of, scanners
@@ -64,6 +66,14 @@ class Comparison:
         values = {name: paired_values(self.pairs, name) for name in self.metrics}
         return {name: difference(found, 1.0 - self.alpha) for name, found in values.items() if found}
 
+    def difference_texts(self, name: str) -> tuple[str, str]:
+        """A difference and its interval, with the places of the means of both sides."""
+        d, sides = self.differences[name], zip(*self.pairs, strict=True)
+        known = ([run["metrics"].get(name) for run in side] for side in sides)
+        of = [fmean(v for v in side if v is not None and isfinite(v)) for side in known]
+        middle, *ends = (signed(v, of=of) for v in (d.estimate, d.low, d.high))
+        return middle, " to ".join(ends) if isfinite(d.high) else "too few pairs"
+
     @cached_property
     def shown(self) -> set[str]:
         """Metrics, and `verdicts`, whose difference is shown; any of them falsely with a chance of alpha."""
@@ -104,7 +114,7 @@ class Comparison:
         if name == VERDICTS:
             return caveat(len(self.pairs), f"{self.outcomes.count(WORSE)} of them now fail")
         d = self.differences[name]
-        return caveat(d.count, f"worst tenth {d.worst_tenth(better or better_of(name)):+.4g}")
+        return caveat(d.count, f"worst tenth {signed(d.worst_tenth(better or better_of(name)))}")
 
     @property
     def is_worse(self) -> bool:

@@ -7,6 +7,7 @@ same stands), while its scatter is the same: so no mean or largest error is judg
 from math import atan, degrees
 from typing import Any
 
+from swath.core.number_text import num
 from swath.field.wind import make_sway
 from swath.runtime.credibility import holds
 from swath.scenario.scenario import Scenario
@@ -67,7 +68,7 @@ def _why_not_for(scenario: Scenario) -> str:
     for expected in scenario.expect:
         bounds = [abs(b) for b in (expected.limit.min, expected.limit.max) if b is not None]
         if expected.name in BIASED and bounds and min(bounds) <= BIAS_M:
-            return f"{expected.name} is asked to {min(bounds):g} m, its bias is that large"
+            return f"{expected.name} is asked to {num(min(bounds))} m, its bias is that large"
     return ""
 
 

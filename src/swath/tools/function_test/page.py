@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
+from swath.core.number_text import num, signed
 from swath.judge.evaluators.edge_detection import EPISODE_M, WRONG_M
 from swath.report.chart import Chart
 from swath.report.html import (
@@ -131,7 +132,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False,
             "Error against stated confidence",
             [
                 Beside(diagrams),
-                ABOUT_STANFORD.format(f"{BIN_M * BIN_COUNT:g}", f"{WRONG_M:g}", f"{EPISODE_M:g}"),
+                ABOUT_STANFORD.format(num(BIN_M * BIN_COUNT), num(WRONG_M), num(EPISODE_M)),
             ]
             if diagrams
             else [],
@@ -195,7 +196,7 @@ def write_matrix(path: Path, cells: Sequence[Cell], *, shadow: bool = False,
 
 def point_text(point: Mapping[str, object], seed: int) -> str:
     """Where a run lies in the parameters of its case, and its seed."""
-    named = (f"{k} {v:.6g}" if isinstance(v, float) else f"{k} {v}" for k, v in point.items())
+    named = (f"{k} {num(v)}" if isinstance(v, float) else f"{k} {v}" for k, v in point.items())
     return ", ".join((*named, f"seed {seed}"))
 
 
@@ -256,10 +257,10 @@ def _cell(cell: Cell) -> Html:
 def _limit(name: str, share: float, entry: dict[str, Any]) -> Html:
     """The nearest run to one limit: its margin, value and the limit."""
     value = entry["value"]
-    said = "no value" if value is None else f"{value:.3g}"
+    said = "no value" if value is None else num(value)
     error = entry.get("level_error")
-    off = f", level off by up to {error['size']:g}" if error else ""
-    margin = element("span", f"{share:+.2f}", class_="fail" if share < 0.0 else "")
+    off = f", level off by up to {num(error['size'])}" if error else ""
+    margin = element("span", signed(share), class_="fail" if share < 0.0 else "")
     return joined((name, margin, f"{said} ({limit_text(entry)}{off})"))
 
 
@@ -271,7 +272,7 @@ def _steering(cell: Cell) -> list[list[str]]:
             rms, upto = found
             more = f"{CLASS_COUNT - 1} cm or more" if upto == CLASS_COUNT else f"{upto} cm"
             rows.append(
-                [cell.case.name, point or "as it is", cell.candidate, str(count), f"{100 * rms:.1f} cm", more]
+                [cell.case.name, point or "as it is", cell.candidate, str(count), num(rms, "m"), more]
             )
     return rows
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.record.read.fields import Context
 from swath.record.read.files import Log, open_log
@@ -133,7 +134,8 @@ def _track_of_fixes(
         found = pose_between(links, body, frame_of(first))
         x, y, z = antenna = (0.0, 0.0, 0.0) if found is None else tuple(found.position.tolist())
         where = "taken at the machine's origin on the ground, see --antenna"
-        context.note(f"antenna {where if found is None else f'at {x:g}, {y:g}, {z:g} m by /tf_static'}")
+        place = f"at {', '.join(map(num, (x, y, z)))} m by /tf_static"
+        context.note(f"antenna {where if found is None else place}")
     fixes = read_fixes(reader.messages((topic,)), context)
     position, yaw = poses_of_fixes(fixes, wanted.to_local, antenna)
     return make_track(fixes.t / NS, position, np.stack([0 * yaw, 0 * yaw, yaw], axis=1))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError, check_within
+from swath.core.number_text import num
 from swath.rays.height_grid import LIMIT_M, NODE_CELLS, NONE, TILE, HeightGrid, lattice_height
 from swath.tools.height_map.bag import open_bag
 from swath.tools.height_map.gather import BLOCK, Gatherer, Samples, pool
@@ -153,7 +154,7 @@ def _check_ground(notes: dict[str, int], lattice: Array, samples: Samples, by: G
     """Notes where echoes lie below what the wheels stood on: no crop is there."""
     low = float(np.median(low_echoes(samples, lattice.shape, NODE_CELLS, by)))
     if low < -by.below_m:
-        where = f"the lowest echoes lie {-low:.2f} m below the ground that the poses give"
+        where = f"the lowest echoes lie {num(-low)} m below the ground that the poses give"
         notes[f"{where}: poses above the ground, or --mount; --ground echoes takes theirs"] = 1
 
 

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import option
 
 PLACE = "measured", 1  # among all commands
@@ -123,12 +124,12 @@ def local_of(folder: Path | None, origin: str | None) -> Any:
 
 
 def _report(grid: Any) -> None:
-    from swath.terminal.tables import number, table
+    from swath.terminal.tables import table
 
     about = dict(grid.about)
     notes = about.pop("notes", {})
     about.pop("settings", None)
-    rows = [(key.replace("_", " "), number(value)) for key, value in about.items()]
+    rows = [(key.replace("_", " "), num(value)) for key, value in about.items()]
     table("", ("what", "value"), rows)
     for what, count in notes.items():
         print(f"warning: {what}" + (f" ({count})" if count > 1 else ""))

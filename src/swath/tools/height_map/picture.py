@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.number_text import num
 from swath.rays.height_grid import DEEP, NODES, NONE, SHARES, TILE, HeightGrid
 from swath.report import plots
 
@@ -41,7 +42,7 @@ def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> P
         about = grid.about
         fig.suptitle(
             f"{about.get('source', '')}: {about.get('scans', 0)} scans, {about.get('echoes', 0)} echoes, "
-            f"{int(grid.is_measured.sum())} cells of {grid.cell:g} m"
+            f"{int(grid.is_measured.sum())} cells of {num(grid.cell)} m"
         )
         for ax, (values, title, colours, norm) in zip(axes, maps, strict=False):
             shades = matplotlib.colormaps[colours].with_extremes(bad=NEVER)

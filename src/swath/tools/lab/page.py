@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from swath.core.number_text import num
 from swath.report import plots
-from swath.report.html import Banner, Facts, Figure, Section, Table, element, joined, signed, write_page
+from swath.report.html import Banner, Facts, Figure, Section, Table, element, joined, write_page
 from swath.report.plots import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, figure
 from swath.signals import F64
 from swath.tools.distributions import BIN
@@ -30,7 +31,7 @@ def histograms_figure(lab: Lab, cases: Sequence[CaseComparison]) -> Any:
         c = case.heights.case
         ax = axes[sensors.index(c.sensor), densities.index(c.density)]
         _plot_histograms(ax, case, low, high, colours)
-        title = f"{c.density:g} stems/m², {c.sensor}, spot {100 * c.spot:.1f} cm"
+        title = f"{num(c.density)} stems/m², {c.sensor}, spot {num(c.spot, 'm')}"
         ax.set_title(title, loc="left", fontsize=9.5)
     for ax in axes[-1]:
         ax.set_xlabel("measured height [m]")
@@ -56,14 +57,14 @@ def _plot_histograms(ax: Any, case: CaseComparison, low: int, high: int, colours
 
 
 LABELS = {
-    "wasserstein_m": ("Wasserstein-1 cm", 100.0, 1),
-    "ks": ("KS", 1.0, 3),
-    "intersection": ("intersection", 1.0, 2),
-    "p95_bias_m": ("P95 bias cm", 100.0, 1),
-    "std_ratio": ("std ratio", 1.0, 2),
-    "ground_bias": ("ground share", 1.0, 3),
+    "wasserstein_m": "Wasserstein-1 [m]",
+    "ks": "KS",
+    "intersection": "intersection",
+    "p95_bias_m": "P95 bias [m]",
+    "std_ratio": "std ratio",
+    "ground_bias": "ground share",
 }
-"""Number of agreement -> label, factor from SI, digits."""
+"""Number of agreement -> label."""
 WORDS = {
     "repeatable": "within the model's own repeatability",
     "good": "within the limits",
@@ -93,7 +94,7 @@ ABOUT_REAL = (
     "No real heights were given. The comparisons show how far the levels agree with each other, not with "
     "a real stand. `--real FILE` adds heights measured in the field."
 )
-HEAD = ("stems/m2", "scanner", "deg", "level", "against", *(LABELS[n][0] for n in RATED), "rating")
+HEAD = ("stems/m2", "scanner", "deg", "level", "against", *(LABELS[n] for n in RATED), "rating")
 
 
 def write_lab_report(path: Path, lab: Lab, cases: Sequence[CaseComparison], real: str | None) -> Path:
@@ -102,7 +103,7 @@ def write_lab_report(path: Path, lab: Lab, cases: Sequence[CaseComparison], real
     good = sum(row[-1] in ("repeatable", "good") for row in rows)
     keys = [element("span", text, class_=rating) for rating, text in WORDS.items()]
     agreement = Table("", HEAD, rows, range(5, len(HEAD)), ABOUT_ROWS, [row[-1] for row in rows])
-    statistics = [*HEAD[:3], "sample", "spot [cm]", *STATISTICS.values()]
+    statistics = [*HEAD[:3], "sample", "spot [m]", *STATISTICS.values()]
     sections = [
         *_figures(lab, cases),
         Section("Agreement", [element("p", joined(keys, ""), class_="key"), agreement] if rows else []),
@@ -131,8 +132,8 @@ def comparison_rows(cases: Sequence[CaseComparison]) -> list[list[str]]:
     for case in cases:
         c = case.heights.case
         for made in case.comparisons:
-            numbers = [signed(made.value[n] * LABELS[n][1], LABELS[n][2]) for n in RATED]
-            place = [f"{c.density:g}", c.sensor, f"{c.depression_deg:g}", made.level, made.against]
+            numbers = [num(made.value[n]) for n in RATED]
+            place = [num(c.density), c.sensor, num(c.depression_deg), made.level, made.against]
             rows.append([*place, *numbers, made.rating])
     return rows
 
@@ -144,11 +145,11 @@ def _figures(lab: Lab, cases: Sequence[CaseComparison]) -> list[Figure]:
             mine = [c for c in cases if c.heights.case.depression_deg == degrees]
             caption = (
                 "Normalised histograms in bins of 2 cm, means of the seeds; the band is the repeatability of "
-                f"{lab.levels[0]}, from the lowest to the highest seed. {degrees:g}° is how far the middle "
-                "beam looks down."
+                f"{lab.levels[0]}, from the lowest to the highest seed. {num(degrees)}° is how far the "
+                "middle beam looks down."
             )
             image = plots.as_image(histograms_figure(lab, mine))
-            made.append(Figure(f"Measured height at {degrees:g}°", image, caption))
+            made.append(Figure(f"Measured height at {num(degrees)}°", image, caption))
     return made
 
 
@@ -156,8 +157,8 @@ def _settings(lab: Lab, real: str | None) -> dict[str, str]:
     s = lab.settings
     beams = next((len(h[0]) for c in lab.cases for h in c.heights.values()), 0)
     return {
-        "crop": f"{s.crop}, {lab.crop_height:.2f} m",
-        "crop away along the beam": f"{s.distance_m:g} m",
+        "crop": f"{s.crop}, {num(lab.crop_height)} m",
+        "crop away along the beam": f"{num(s.distance_m)} m",
         "beams per case and seed": str(beams),
         "seeds": f"{s.seed} to {s.seed + s.seeds - 1}",
         "real heights": real or "none given",
@@ -171,6 +172,6 @@ def _statistics(cases: Sequence[CaseComparison]) -> list[list[str]]:
         c = case.heights.case
         for name, heights in samples(case).items():
             found = describe(np.concatenate(heights))
-            place = [f"{c.density:g}", c.sensor, f"{c.depression_deg:g}", name, f"{100 * c.spot:.1f}"]
-            rows.append([*place, *(signed(found[key], 3) for key in STATISTICS)])
+            place = [num(c.density), c.sensor, num(c.depression_deg), name, num(c.spot)]
+            rows.append([*place, *(num(found[key]) for key in STATISTICS)])
     return rows

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import add_folder, add_sets, option
 
 PLACE = "look", 5  # among all commands
@@ -70,7 +71,7 @@ def _run(part: Any, source: Path, log: Any, out: Path) -> None:
         print(f"{out / name}  {len(samples)} samples")
     if comparison is not None:
         for name, found in comparison.summarize(part.world.graph.t)["rerun"]["slots"].items():
-            same = f"differs from {found.get('differs_from_s', 0.0):g} s on in {found.get('differs_in')}"
+            same = f"differs from {num(found.get('differs_from_s', 0.0))} s on in {found.get('differs_in')}"
             result = "identical to the recording" if found["identical"] else same
             print(f"{name}: {result}, {found['samples']} samples")
 

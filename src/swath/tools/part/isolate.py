@@ -9,6 +9,7 @@ from typing import NamedTuple
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.graph import Observer
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.record.read.feed import exact_samples, exact_topic
 from swath.record.read.files import Log
@@ -69,7 +70,7 @@ class IsolatedPart:
         there = {a.output for a in waiting if (a.t, is_late[a.output]) <= (first, False)}
         lists = {self.node.wires[p.name] for p in self.node.component.inputs if p.history}
         if first <= end and (lacking := sorted(".".join(o) for o in self.needed - there - lists)):
-            expected = f"expected a sample by its first step at {first / NS:g} s"
+            expected = f"expected a sample by its first step at {num(first / NS)} s"
             raise InputError(", ".join(lacking), None, expected)
         found: list[Arrival] = []
 

@@ -17,6 +17,7 @@ from swath.core.checked import misfit
 from swath.core.component import Port
 from swath.core.errors import InputError, raise_all, reason_of
 from swath.core.files.whole_file import write_csv
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.documents.text_file import text_lines
 from swath.signals.flat import FlatField, build, flat_fields, read
@@ -129,7 +130,7 @@ def _rows(
             except (ValueError, OverflowError, KeyError):
                 errors.append(InputError(name, text, "expected a number", file=path, line=line))
         if any(cell.strip() for cell in cells) and (now is None or now < before):
-            text = f"expected a time that is not before {before / NS:g} s"
+            text = f"expected a time that is not before {num(before / NS)} s"
             errors.append(InputError(TIME, None if now is None else now / NS, text, file=path, line=line))
         if errors or now is None:
             if len(errors) >= MOST:

@@ -4,6 +4,7 @@ import argparse
 import os
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import add_folder, former, option
 
 TARGETS = ("person", "animal", "person-lying", "animal-fawn", "animal-hare")
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     files = write_all(args.out, settings, found)
     remove(kept)
     table("scores", SCORE_HEAD, score_rows(settings, found))
-    table(f"{ASKED:g} m inside the crop", ASKED_HEAD, asked_rows(settings, found))
+    table(f"{num(ASKED)} m inside the crop", ASKED_HEAD, asked_rows(settings, found))
     print(files[-1])
     return 0
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.files.whole_file import write_csv
+from swath.core.number_text import num
 from swath.report import plots
 from swath.report.html import Facts, Figure, Section, Table, write_page
 from swath.report.plots import CROP, FAINT, INK, ON_DARK, ON_LIGHT, figure
@@ -26,8 +27,8 @@ def map_figure(found: Found, settings: Settings) -> Any:
     for ax, name in zip(panels, names, strict=True):
         image = _panel(ax, found.cells[name], is_first=ax is panels[0])
         scores = found.scores(name, settings.least)
-        scores_text = f"usable {scores.usability:.2f}, available {scores.availability:.2f}"
-        ax.set_title(f"{name}\n{scores_text},\nreliable {scores.reliability:.2f}", loc="left", fontsize=9)
+        scores_text = f"usable {num(scores.usability)}, available {num(scores.availability)}"
+        ax.set_title(f"{name}\n{scores_text},\nreliable {num(scores.reliability)}", loc="left", fontsize=9)
         ax.set_xlabel("aside [m]")
     panels[0].set_ylabel("ahead of the sensors [m]")
     fig.colorbar(image, ax=panels, shrink=0.75, label="share of looks that detect the person")
@@ -44,7 +45,7 @@ def _panel(ax: Any, cells: list[Cell], *, is_first: bool) -> Any:
     image = ax.pcolormesh(columns, rows, net[:, ::-1], cmap="viridis_r", vmin=0.0, vmax=1.0)
     for cell in cells:
         colour = ON_DARK if cell.net > DARK else ON_LIGHT
-        text = f"{100 * cell.net:.0f}"
+        text = num(100 * cell.net)
         ax.text(-cell.aside, EDGE_M + cell.inside, text, ha="center", va="center", color=colour, fontsize=9)
     ax.axhline(EDGE_M, color=CROP, lw=3.0)
     if is_first:
@@ -85,7 +86,7 @@ def write_all(out: Path, settings: Settings, found: list[Found]) -> list[Path]:
             title = f"{settings.crop} {made.condition.name}"
             figures.append(Figure(title, plots.as_image(fig), ""))
     sections = [
-        Table(f"{ASKED:g} m inside the crop", ASKED_HEAD, asked_rows(settings, found)),
+        Table(f"{num(ASKED)} m inside the crop", ASKED_HEAD, asked_rows(settings, found)),
         Table("Scores", SCORE_HEAD, score_rows(settings, found), (2, 3, 4),
               ABOUT_SCORES.format(settings.least, settings.target)),
         *figures,
@@ -107,7 +108,7 @@ def score_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
     for made in found:
         for name in made.cells:
             s = made.scores(name, settings.least)
-            numbers = (f"{v:.2f}" for v in (s.usability, s.availability, s.reliability))
+            numbers = (num(v) for v in (s.usability, s.availability, s.reliability))
             rows.append((made.condition.name, name, *numbers))
     return rows
 
@@ -118,14 +119,16 @@ def asked_rows(settings: Settings, found: list[Found]) -> list[tuple[str, ...]]:
     for made in found:
         for (name, height), cell in made.asked.items():
             verdict = "yes" if cell.net >= settings.least else "no" if cell.net < 0.1 else "at times"
-            shares = f"{cell.detected:.2f}", f"{cell.false:.2f}"
-            rows.append((made.condition.name, name, f"{height:g}", *shares, verdict, cell.why))
+            shares = num(cell.detected), num(cell.false)
+            rows.append((made.condition.name, name, num(height), *shares, verdict, cell.why))
     return rows
 
 
 def _settings(s: Settings) -> dict[str, str]:
     weathers = (
-        f"{name}: {dust:g}/m of dust, {rain:g} mm/h" for name in s.weathers for dust, rain in [WEATHERS[name]]
+        f"{name}: {num(dust)}/m of dust, {num(rain)} mm/h"
+        for name in s.weathers
+        for dust, rain in [WEATHERS[name]]
     )
     cameras = {"camera", "thermal"} & {*s.sensors}
     radars = {*s.sensors} - {"lidar", "camera", "thermal"}
@@ -133,9 +136,9 @@ def _settings(s: Settings) -> dict[str, str]:
     looks += [f"{s.repeats} x 3 of the LiDAR"] if "lidar" in s.sensors else []
     looks += [f"{s.repeats} of cameras"] if cameras else []
     return {
-        "crop": f"{s.crop}, straw at {s.moisture:g} % water",
+        "crop": f"{s.crop}, straw at {num(s.moisture)} % water",
         "weather": "; ".join(weathers),
         "looks at a place": ", ".join(looks),
-        **({"camera": f"{s.camera_px} px wide, needs {s.camera_least_px:g} px of height"} if cameras else {}),
+        **({"camera": f"{s.camera_px} px wide, needs {num(s.camera_least_px)} of height"} if cameras else {}),
         "seed": str(s.seed),
     }

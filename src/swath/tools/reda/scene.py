@@ -18,6 +18,7 @@ import numpy as np
 from swath.control.objects import cluster
 from swath.core.errors import InputError, check_once, check_within
 from swath.core.frames import Pose
+from swath.core.number_text import num, percent_of
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG
@@ -76,8 +77,8 @@ class Condition:
     @property
     def name(self) -> str:
         """Such as `wheat 0.85 m, 500/m2, dust` without the crop."""
-        hour = "" if self.hour is None else f", {self.hour:g} h"
-        return f"{self.height:g} m, {self.density:g} stems/m2, {self.weather}{hour}"
+        hour = "" if self.hour is None else f", {num(self.hour)} h"
+        return f"{num(self.height)} m, {num(self.density)} stems/m2, {self.weather}{hour}"
 
     @property
     def file(self) -> str:
@@ -313,9 +314,9 @@ class LidarSensor:
             shares.append(visible(self._scene, self._lidar.caster, body, self._eye)[0])
         share, far = float(np.mean(shares)), hypot(x, y)
         left = exp(-2.0 * self._extinction * far)
-        why = f"{100 * share:.0f} % of the body in sight"
+        why = f"{percent_of(share)} of the body in sight"
         if left < 0.9:
-            why += f", {100 * left:.0f} % of an echo's energy comes through the air"
+            why += f", {percent_of(left)} of an echo's energy comes through the air"
         return Answer(found / count, why)
 
     def false_share(self, inside: float, aside: float) -> float:
@@ -459,7 +460,7 @@ class CameraSensor(Picture):
             found.append(in_view and high >= need and is_clear)
             pixels.append(high)
             contrasts.append(contrast)
-        why = f"{np.mean(pixels):.0f} px of height in sight, contrast {np.mean(contrasts):.2f}"
+        why = f"{num(np.mean(pixels))} px of height in sight, contrast {num(np.mean(contrasts))}"
         why += ", too dark" if self._light < LEAST_SNR else ""
         return Answer(float(np.mean(found)), why if in_view else why + ", out of view")
 
@@ -484,7 +485,7 @@ class ThermalSensor(Picture):
             found.append(in_view and count >= LEAST_PX and over >= LEAST_OVER_CLUTTER)
             pixels.append(count)
             overs.append(over)
-        why = f"{np.mean(pixels):.0f} px in sight, {np.mean(overs):.1f} times the spread around it"
+        why = f"{num(np.mean(pixels))} px in sight, {num(np.mean(overs))} times the spread around it"
         return Answer(float(np.mean(found)), why if in_view else why + ", out of view")
 
     def _seen(self, body: Body, ahead: F64) -> tuple[float, float]:
@@ -512,7 +513,7 @@ class ThermalSensor(Picture):
 
 
 def _why(echo: float, loss: float, clutter: float) -> str:
-    text = f"echo {echo:.0f} dB over noise, crop takes {loss:.0f} dB, {clutter:.0f} dB around it"
+    text = f"echo {num(echo)} dB over noise, crop takes {num(loss)} dB, {num(clutter)} dB around it"
     if echo < SEEN_FROM:
         return text + (": lost in the crop" if echo + loss > SEEN_FROM else ": too weak")
     return text + (": crop and ground are as strong" if echo - max(clutter, 0.0) < SEEN_FROM else "")

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import add_replace, add_scenario_options, option
 
 PLACE = "look", 4  # among all commands
@@ -54,7 +55,7 @@ def _print_comparison(rerun: dict[str, Any]) -> None:
     for slot, found in rerun["slots"].items():
         result = "identical"
         if not found["identical"]:
-            result = f"differs from {found['differs_from_s']:.3f} s on ({found['differs_in']})"
+            result = f"differs from {num(found['differs_from_s'])} s on ({found['differs_in']})"
         rows.append(
             (slot, str(found["samples"]), found["digest"][:12], found["recorded_digest"][:12], result)
         )

@@ -19,6 +19,7 @@ from swath.core.files.output_folder import held
 from swath.core.files.place import remove
 from swath.core.files.whole_file import new_file, write_whole
 from swath.core.frames import Pose
+from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.field.memory_layout import Organ
 from swath.judge.evaluators.edge_detection import EdgeDetection
@@ -300,7 +301,7 @@ def drive_to_scan(scenario: Scenario, at_s: float, *, camera: bool = False) -> D
         world.close()
     if round(at_s * NS) > world.graph.t:
         end_s = world.graph.t / NS
-        raise InputError("--at-s", at_s, f"expected a time of the run, which ends at {end_s:g} s")
+        raise InputError("--at-s", at_s, f"expected a time of the run, which ends at {num(end_s)} s")
     return DrivenWorld(world, machine, lidar, seen, sampler)
 
 

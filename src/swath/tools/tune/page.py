@@ -9,6 +9,7 @@ import numpy as np
 
 from swath import __version__
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num, signed
 from swath.core.process.shell import command
 from swath.report.chart import Chart
 from swath.report.html import Facts, Section, Table, element, write_page
@@ -92,9 +93,8 @@ def difference_rows(found: Tuned, part: str) -> list[list[str]]:
     """Rows of a part of the proof: part, metric, pairs, winner less shipped, interval, what it shows."""
     proof, rows = found.proofs[part], []
     for name, d in proof.found.differences.items():
-        interval = f"{d.low:+.4g} to {d.high:+.4g}" if isfinite(d.high) else "too few pairs"
-        rows.append([PARTS[part], name, str(d.count), f"{d.estimate:+.4g}", interval,
-                     says_of(proof.found, name, found.tune.directions[name])])  # fmt: skip
+        said = says_of(proof.found, name, found.tune.directions[name])
+        rows.append([PARTS[part], name, str(d.count), *proof.found.difference_texts(name), said])
     return rows
 
 
@@ -113,7 +113,7 @@ def _proof(found: Tuned) -> list[list[str]]:
             rows.append([*row, f"{said}; {beside[row[1]]}" if row[1] in beside else said])
         shipped, mine = proof.failed
         rows.append(
-            [PARTS[part], "runs that do not pass", "", f"{mine - shipped:+d}", f"{shipped} as shipped", ""]
+            [PARTS[part], "runs that do not pass", "", signed(mine - shipped), f"{shipped} as shipped", ""]
         )
     return rows
 
@@ -160,7 +160,7 @@ def _axis(name: str, values: Sequence[float], better: str) -> tuple[tuple[str, s
     def at(value: float) -> float:
         return 0.04 + 0.92 * min(1.0, (value - low) / (high - low)) if isfinite(value) else 0.98
 
-    return (name, f"{sign * low:.2g}", f"{sign * high:.2g}"), at
+    return (name, num(sign * low), num(sign * high)), at
 
 
 def _mark(chart: Chart, x: float, y: float, measured: Measured, title: str) -> None:
@@ -178,7 +178,7 @@ def _title(found: Tuned, number: int) -> str:
 
 def _values(found: Tuned, measured: Measured) -> str:
     told = zip(found.tune.directions.items(), measured.values, strict=True)
-    return ", ".join(f"{name} {-v if better == 'higher' else v:.4g}" for (name, better), v in told)
+    return ", ".join(f"{name} {num(-v if better == 'higher' else v)}" for (name, better), v in told)
 
 
 def _settings(found: Tuned) -> list[list[str]]:

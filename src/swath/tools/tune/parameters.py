@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.core.typed_numbers import check_text, range_in, range_meant, unit_of
 from swath.core.units import rounded
 from swath.documents.yaml_document import parse_value
@@ -51,7 +52,7 @@ class Parameter:
         if self.choices:
             return ", ".join(map(str, self.choices))
         kinds = [" whole numbers"] * self.is_whole + [" on a log scale"] * self.is_log
-        return f"{self.low:g} to {self.high:g}{','.join(kinds)}"
+        return f"{num(self.low)} to {num(self.high)}{','.join(kinds)}"
 
     @property
     def _ends(self) -> tuple[float, float]:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.terminal.options import former, option
 
 PLACE = "look", 6  # among all commands
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
         at=place(args.origin),
     )  # fmt: skip
     file = write_csv(log, args.out) if args.out.suffix.lower() == ".csv" else write_isoxml(log, args.out)
-    print(f"{file}  {len(log.time)} records, {log.grain_kg:.1f} kg")
+    print(f"{file}  {len(log.time)} records, {num(log.grain_kg)} kg")
     return 0
 
 

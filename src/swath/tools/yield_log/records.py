@@ -21,6 +21,7 @@ from swath.core.files import whole_file
 from swath.core.files.output_folder import held
 from swath.core.files.whole_file import write_whole
 from swath.core.foreign_code import code_unread
+from swath.core.number_text import num
 from swath.core.typed_numbers import numbers_in
 from swath.field.crop_sheet import load_crop
 from swath.field.maps.projection import Origin, origin_at
@@ -108,7 +109,7 @@ def records_of(
     t = columns["t_s"]
     at_record = np.arange(interval, t[-1] + 1e-9, interval) if len(t) else t
     if not len(at_record):
-        raise InputError("run", str(run), f"expected a run of at least {interval:g} s")
+        raise InputError("run", str(run), f"expected a run of at least {num(interval)} s")
     tank = np.nan_to_num(columns["tank_grain_kg"])
     arrived = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(tank), 0.0))])  # unloading takes it away
     passed = np.interp(np.concatenate([[0.0], at_record]) - delay, t, arrived, left=0.0)

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num, percent_of
 from swath.terminal.options import add_folder, add_sets, option
 from swath.tools.function_test.progress import add_engine, engine, progress
 
@@ -85,10 +86,10 @@ def tell(found: Any, at_most: float | None = None) -> int:
     say(found.text)
     if (cheap := found.cheap_rate) is not None and cheap.failures:
         say(
-            f"at the cheap level, same points and seeds: {cheap.value:.3g} (95 %: {cheap.low:.3g} to "
-            f"{cheap.high:.3g}); it keeps the limit in {100 * found.unseen:.0f} % of the failures, by weight"
+            f"at the cheap level, same points and seeds: {num(cheap.value)} (95 %: {num(cheap.low)} to "
+            f"{num(cheap.high)}); it keeps the limit in {percent_of(found.unseen)} of the failures, by weight"
         )
     if verdict:
-        print(f"at most {at_most:g}: {verdict}")
+        print(f"at most {num(at_most)}: {verdict}")
     print(f"report  {page}")
     return exit_code([verdict] if verdict else found.refusals)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import Extra, InputError, SwathError
+from swath.core.number_text import num, percent_of
 from swath.core.random import Stream
 from swath.runtime.workers import workers_kept
 from swath.signals import F64
@@ -185,26 +186,26 @@ class Estimated:
             first = next(result for result, margin in each if isnan(margin))
             said.append(
                 f"{unknown.failures} runs of the last round were not judged or came to an error, with a "
-                f"probability of {unknown.value:.2g}: {first['reason']}; a dearer level or less variation is "
-                "needed"
+                f"probability of {num(unknown.value)}: {first['reason']}; a dearer level or less variation "
+                "is needed"
             )
         if not rate.failures:
             said.append(f"no failure in the {rate.runs} runs of the last round: {self._none_found}")
         elif rate.overlooked > OVERLOOKED_MOST:
             met = int(np.sum(self.overlooked & (self.last.margins < 0.0)))
             said.append(
-                f"{met} failures of the last round, {100 * rate.overlooked:.0f} % of the probability, lie "
+                f"{met} failures of the last round, {percent_of(rate.overlooked)} of the probability, lie "
                 f"where the search had found none: a longer one is needed: --budget {2 * self.asked.budget}"
             )
         elif rate.ess < ESS_LEAST:
             more = -(-self.asked.budget * ESS_LEAST / max(rate.ess, 1.0) // 1000) * 1000
             said.append(
-                f"{rate.failures} failures are as sure as {rate.ess:.1f} of equal weight, {ESS_LEAST:g} are "
-                f"needed: about --budget {more:.0f}"
+                f"{rate.failures} failures are as sure as {num(rate.ess)} of equal weight, {num(ESS_LEAST)} "
+                f"are needed: about --budget {num(more)}"
             )
         if self.unseen > UNSEEN_MOST:
             said.append(
-                f"the two levels disagree: the cheap one keeps the limit in {100 * self.unseen:.0f} % of the "
+                f"the two levels disagree: the cheap one keeps the limit in {percent_of(self.unseen)} of the "
                 "failures at the dear one, by their weight, so others may have been missed: a nearer cheap "
                 "level, or an estimate without one, is needed"
             )
@@ -264,9 +265,9 @@ class Estimated:
         if self.refusals:
             return f"no number: {'; '.join(self.refusals)}"
         return (
-            f"{self.limit} broken with probability {rate.value:.3g} a run (95 %: {rate.low:.3g} to "
-            f"{rate.high:.3g}), {rate.failures} failures in the {rate.runs} runs of the last round, "
-            f"effective {rate.ess:.0f}"
+            f"{self.limit} broken with probability {num(rate.value)} a run (95 %: {num(rate.low)} to "
+            f"{num(rate.high)}), {rate.failures} failures in the {rate.runs} runs of the last round, "
+            f"effective {num(rate.ess)}"
         )
 
     @property

@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from swath import __version__
+from swath.core.number_text import num, percent_of, span
 from swath.report.chart import Chart
 from swath.report.html import Banner, Facts, Section, Table, element, write_page
 from swath.signals import F64
@@ -52,7 +53,7 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
     rounds = [
         [f"{n}{', the last' if n == len(every) else ''}", "cheap" if r.level else "as judged",
          str(len(r.margins)), str(int(np.sum(r.margins < 0.0))),
-         f"{float(np.nanmin(r.margins, initial=1.0)):.2f}"]
+         num(float(np.nanmin(r.margins, initial=1.0)))]
         for n, r in enumerate(every, 1)
     ]  # fmt: skip
     sections = [
@@ -63,19 +64,19 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
         failures("Failures that weigh most", "share", failed, rate.failures),
         Section(
             "How sure it is",
-            [ABOUT.format(f"{found.blind:.2g}"),
+            [ABOUT.format(num(found.blind)),
              Table("", ["round", "level", "runs", "failures", "least margin"], rounds, (2, 3, 4))],
         ),
     ]  # fmt: skip
-    small = f"95 %: {rate.low:.2g} to {rate.high:.2g}" if given else "not supported by the runs"
+    small = f"95 %: {num(rate.low)} to {num(rate.high)}" if given else "not supported by the runs"
     kind = {SHOWN: "pass", BROKEN: "fail"}.get(verdict, "none")
-    said = f"at most {at_most:g}: {verdict}" if verdict else small
+    said = f"at most {num(at_most)}: {verdict}" if verdict else small
     return write_page(
         path,
         sections,
         heading=f"Probability of failure of {found.case.name}",
         lead=f"{found.case.file.objective}; {found.limit}, swath {__version__}",
-        verdict=(kind, f"{rate.value:.2g} a run" if given else "no number", said),
+        verdict=(kind, f"{num(rate.value)} a run" if given else "no number", said),
         top=[
             *banners(found.telling_nothing),
             *(Banner(f"No number is given: {said}.") for said in found.refusals),
@@ -86,18 +87,18 @@ def write_estimate(path: Path, found: Estimated, at_most: float | None = None) -
 
 def _facts(found: Estimated) -> dict[str, object]:
     rate, cheap = found.rate, found.cheap_rate
-    interval = f"{100 * rate.half_width:.0f} %" if not found.refusals else None
-    overlooked = f"{100 * rate.overlooked:.0f} %" if rate.failures else None
+    interval = percent_of(rate.half_width) if not found.refusals else None
+    overlooked = percent_of(rate.overlooked) if rate.failures else None
     return {
         "runs": found.plain["runs"],
         "of them in the last round": rate.runs,
         "failures in the last round": rate.failures,
-        "effective failures": f"{rate.ess:.0f}",
+        "effective failures": num(rate.ess),
         "half width of the interval": interval,
         "of the probability where the search found none": overlooked,
         "not judged": found.unknown.failures or None,
-        "at the cheap level": cheap and f"{cheap.value:.2g} ({cheap.low:.2g} to {cheap.high:.2g})",
-        "failures that it does not show": cheap and f"{100 * found.unseen:.0f} %",
+        "at the cheap level": cheap and f"{num(cheap.value)} ({num(cheap.low)} to {num(cheap.high)})",
+        "failures that it does not show": cheap and percent_of(found.unseen),
     }
 
 
@@ -132,7 +133,7 @@ def _picture(found: Estimated, names: list[str]) -> Chart:
 def _axis(found: Estimated, name: str) -> tuple[str, str, str]:
     varied = found.case.file.vary[name]
     low, high = varied.range or (varied.drawn_values[0], varied.drawn_values[-1])
-    return name, *(end if isinstance(end, str) else f"{end:g}" for end in (low, high))  # type: ignore[return-value]
+    return name, *(end if isinstance(end, str) else num(end) for end in (low, high))  # type: ignore[return-value]
 
 
 def _parameter(found: Estimated, name: str) -> list[object]:
@@ -143,15 +144,15 @@ def _parameter(found: Estimated, name: str) -> list[object]:
     share = found.weights[fails] / max(float(np.sum(found.weights[fails])), 1e-300)
     if varied.range is None:
         sums = {value: float(np.sum(share[values == value])) for value in varied.drawn_values}
-        lie = ", ".join(f"{value} {100 * of:.0f} %" for value, of in sums.items() if of > 0.0)
-        span = ", ".join(map(str, varied.drawn_values))
+        lie = ", ".join(f"{value} {percent_of(of)}" for value, of in sums.items() if of > 0.0)
+        drawn = ", ".join(map(str, varied.drawn_values))
     else:
         order = np.argsort(values.astype(float))
         places = np.minimum(np.searchsorted(np.cumsum(share[order]), SPAN), len(order) - 1)
-        lie = " to ".join(f"{value:.4g}" for value in values[order][places]) if len(order) else ""
-        span = "{:g} to {:g}".format(*varied.range)
-    exposure = ", ".join(f"{of:g}" for of in varied.exposure) or "all alike"
-    return [name, element("code", varied.key), span, exposure, lie or "–", f"{found.telling[name]:.2f}"]
+        lie = " to ".join(num(value) for value in values[order][places]) if len(order) else ""
+        drawn = span(varied.range)
+    exposure = ", ".join(num(of) for of in varied.exposure) or "all alike"
+    return [name, element("code", varied.key), drawn, exposure, lie or "–", num(found.telling[name])]
 
 
 def _failed(found: Estimated) -> list[tuple[Mapping[str, Any], str]]:
@@ -160,7 +161,7 @@ def _failed(found: Estimated) -> list[tuple[Mapping[str, Any], str]]:
     whole = float(np.sum(found.weights[last.margins < 0.0]))
     each = zip(found.weights.tolist(), last.margins.tolist(), last.results, strict=True)
     failed = sorted(((w, r) for w, m, r in each if m < 0.0), key=lambda pair: (-pair[0], pair[1]["id"]))
-    return [(result, f"{100 * weight / whole:.1f} %") for weight, result in failed[:FAILED_MAX]]
+    return [(result, f"{num(100 * weight / whole)} %") for weight, result in failed[:FAILED_MAX]]
 
 
 def write_junit(path: Path, found: Estimated, at_most: float | None) -> Path:

@@ -8,6 +8,7 @@ from typing import Any
 
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_csv
+from swath.core.number_text import num, percent_of
 from swath.core.typed_numbers import number_in, unit_of
 from swath.documents.text_file import read_text
 from swath.scenario.overrides import layered
@@ -77,11 +78,11 @@ def why(planned: Planned, number: int) -> str:
     """Why a pass is proposed."""
     condition = planned.passes[number].condition
     metric = f"{SCANS} [m]" if planned.asked.metric == SCANS else planned.asked.metric
-    said = [f"levels differ by {abs(condition.apart):.3g} in {metric}, usually by {planned.usual:.3g}"]
+    said = [f"levels differ by {num(abs(condition.apart))} in {metric}, usually by {num(planned.usual)}"]
     if condition.unchecked:
         said.append(f"never checked there: {', '.join(condition.unchecked)}")
     if condition.unshown < 1.0:
-        said.append(f"{100 * condition.unshown:.0f} % of its cells are not shown")
+        said.append(f"{percent_of(condition.unshown)} of its cells are not shown")
     return "; ".join(said)
 
 
@@ -99,7 +100,8 @@ def write_form(planned: Planned, name: str = FORM) -> Path:
     for number, each in enumerate(planned.passes):
         recorded = "; ".join(logs(scenario_at(planned, each.condition.point)))
         rows.append({
-            "pass": number + 1, **each.condition.point, "narrows_percent": planned.narrowed(each.narrows, 1),
+            "pass": number + 1, **each.condition.point,
+            "narrows_percent": "" if planned.doubts_nothing else f"{100 * each.narrows:.1f}",
             FIXED: same, "why": why(planned, number), "measure": what, "record": recorded,
             **dict.fromkeys(FILLED, ""),
         })  # fmt: skip

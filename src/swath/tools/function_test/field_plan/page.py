@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from swath import __version__
+from swath.core.number_text import num
 from swath.report.chart import Chart
 from swath.report.html import Beside, Items, Section, Table, write_page
 from swath.tools.function_test.evidence import evidence_table
@@ -33,7 +34,7 @@ def write_plan(planned: Planned) -> Path:
     rows = [
         [
             str(n + 1),
-            *(_said(p.condition.point[name]) for name in names),
+            *(num(p.condition.point[name]) for name in names),
             planned.narrowed(p.narrows),
             why(planned, n),
         ]
@@ -71,15 +72,11 @@ def _charts(planned: Planned, names: Sequence[str]) -> list[Chart]:
         ends = planned.case.file.vary[name].range
         if ends is None or len(charts) == MOST_CHARTS:
             continue
-        chart = Chart(SIDE, SIDE / 2, f"difference over {name}", (name, f"{ends[0]:g}", f"{ends[1]:g}"),
-                      (planned.asked.metric, "0", f"{most:.3g}"))  # fmt: skip
+        chart = Chart(SIDE, SIDE / 2, f"difference over {name}", (name, num(ends[0]), num(ends[1])),
+                      (planned.asked.metric, "0", num(most)))  # fmt: skip
         for condition, place in zip(planned.conditions, places, strict=True):
             fill = "var(--orange)" if id(condition) in chosen else "var(--blue)"
             title = ", ".join(f"{k} {v}" for k, v in condition.point.items())
             chart.dot(float(place[column]), abs(condition.apart) / most, title=title, fill=fill)
         charts.append(chart)
     return charts
-
-
-def _said(value: object) -> str:
-    return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -22,6 +22,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.foreign_code import allow_code
+from swath.core.number_text import num
 from swath.core.random import Stream
 from swath.runtime.credibility import NEVER_CHECKED
 from swath.scenario.overrides import layered
@@ -137,9 +138,9 @@ class Planned:
         equal = sum(c.apart == 0.0 for c in self.conditions)
         return f"{self.asked.metric} is the same in {equal} of {len(self.conditions)} pairs"
 
-    def narrowed(self, share: float, digits: int = 0) -> str:
+    def narrowed(self, share: float) -> str:
         """A share of the doubt [%], "" where there is none."""
-        return "" if self.doubts_nothing else f"{100 * share:.{digits}f}"
+        return "" if self.doubts_nothing else num(100 * share)
 
 
 def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client: Any = None,

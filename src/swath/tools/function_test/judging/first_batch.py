@@ -8,6 +8,7 @@ margin, a share, a probability or what is tuned, then says nothing.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
+from swath.core.number_text import num
 from swath.report.html import Banner
 from swath.terminal.outcome import NOT_JUDGED, limit_text, result_of, window_text
 from swath.tools.function_test.judging.judged import ERROR
@@ -115,4 +116,4 @@ def _comparable(value: Any) -> Any:
 
 
 def _said(values: tuple[float, ...]) -> str:
-    return ", ".join(f"{value:.4g}" for value in values)
+    return ", ".join(num(value) for value in values)

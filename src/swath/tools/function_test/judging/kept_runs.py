@@ -4,6 +4,7 @@ from bisect import insort
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from swath.core.number_text import num
 from swath.tools.function_test.case import Scalar
 from swath.tools.function_test.stored_line import Result
 
@@ -83,8 +84,8 @@ class Region:
         parts = []
         for name, values in self.values.items():
             if numbers := sorted(set(_numbers(values))):
-                upto = f" to {numbers[-1]:g}" if len(numbers) > 1 else ""
-                parts.append(f"{name} {numbers[0]:g}{upto}")
+                upto = f" to {num(numbers[-1])}" if len(numbers) > 1 else ""
+                parts.append(f"{name} {num(numbers[0])}{upto}")
             else:
                 parts.append(f"{name} {', '.join(sorted(map(str, values)))}")
         return "; ".join(parts) or "everywhere"

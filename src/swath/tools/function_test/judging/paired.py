@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from swath.core.number_text import percent_of
 from swath.tools.function_test.judging.verdict import scipy_stats
 
 Name = TypeVar("Name", str, int)
@@ -124,7 +125,7 @@ def not_excluded(count: int) -> float:
 
 def caveat(count: int, worst: str) -> str:
     """What stands beside what `count` pairs show to be better; worst: of them, in words."""
-    return f"{count} pairs cannot exclude harm in {100.0 * not_excluded(count):.2g} % of runs, {worst}"
+    return f"{count} pairs cannot exclude harm in {percent_of(not_excluded(count))} of runs, {worst}"
 
 
 def verdict_test(better: int, worse: int) -> float:

@@ -1,16 +1,17 @@
 """Candidates beside each other: who passes how many runs, of which kind, how well, how surely, how fast."""
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from math import fsum, inf, isfinite, nan
 from statistics import median
 from typing import Any
 
+from swath.core.number_text import num, percent_of, signed
 from swath.tools.function_test.judging.paired import ALPHA, caveat, difference, mean_interval
 
-METRICS = {"edge_rmse_m": "edge RMSE", "lateral_rms_m": "lateral RMS"}  # that are ranked by, in cm
+METRICS = {"edge_rmse_m": "edge RMSE", "lateral_rms_m": "lateral RMS"}  # that are ranked by [m]
 SURE_WRONG, EDGE_US = "sure_wrong_share", "edge_us"  # a metric; of a result: time of an edge detector's step
 HEAD = ("rank", "candidate", "runs pass", *(f"{name}, mean (95 %)" for name in METRICS.values()),
         *(f"{name} less the first's (95 %)" for name in METRICS.values()),
@@ -67,9 +68,9 @@ def _row(mine: Sequence[Any], first: Sequence[Any]) -> list[str]:
     known = [value for value in wrong if isfinite(value)]
     return [
         _of(_passed(mine)), *means, *apart,
-        f"{100.0 * sum(known) / len(known):.2g} %" if known else "",
+        percent_of(sum(known) / len(known)) if known else "",
         _of((sum(value > 0.01 for value in known), len(known))) if known else "",
-        f"{median(cost):.0f} us" if cost else "",
+        f"{num(median(cost))} us" if cost else "",
     ]  # fmt: skip
 
 
@@ -106,16 +107,14 @@ def _apart(mine: Sequence[Any], first: Sequence[Any], name: str) -> str:
     if not pairs:
         return ""
     found = difference(pairs)
-    told = _told(found.estimate, found.low, found.high, "+")
+    told = _told(found.estimate, found.low, found.high, signed)
     if found.p > ALPHA:
         return f"{told}, not shown"
-    worst = f"worst tenth {100.0 * found.worst_tenth('lower'):+.1f} cm"
+    worst = f"worst tenth {signed(found.worst_tenth('lower'))} m"
     return f"{told}; {caveat(found.count, worst)}" if found.estimate < 0.0 else told
 
 
-def _told(middle: float, low: float, high: float, sign: str = "") -> str:
-    """A value with its interval [m], in cm."""
-    around = (
-        f" ({100.0 * low:{sign}.1f} to {100.0 * high:{sign}.1f})" if isfinite(low) and isfinite(high) else ""
-    )
-    return f"{100.0 * middle:{sign}.1f} cm{around}"
+def _told(middle: float, low: float, high: float, say: Callable[..., str] = num) -> str:
+    """A value with its interval [m]."""
+    around = f" ({say(low)} to {say(high)})" if isfinite(low) and isfinite(high) else ""
+    return f"{say(middle)} m{around}"

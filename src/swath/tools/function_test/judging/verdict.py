@@ -17,6 +17,7 @@ from math import ceil, log
 from typing import Any
 
 from swath.core.errors import Extra
+from swath.core.number_text import percent_of
 
 SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED = "shown", "broken", "not shown", "not judged"
 VERDICTS = (SHOWN, BROKEN, NOT_SHOWN, NOT_JUDGED)
@@ -79,10 +80,10 @@ def describe(passed: int, count: int, rate: float, confidence: float, result: st
         return "no run is done"
     text = f"{passed} of {count} passed, shows "
     if result == BROKEN:
-        return text + f"<= {100 * upper_bound(passed, count, confidence):.3g} %; {100 * rate:g} % is asked"
-    text += f">= {100 * lower_bound(passed, count, confidence):.3g} %"
+        return text + f"<= {percent_of(upper_bound(passed, count, confidence))}; {percent_of(rate)} is asked"
+    text += f">= {percent_of(lower_bound(passed, count, confidence))}"
     if result == NOT_SHOWN and passed == count:
-        text += f"; {needed(rate, confidence)} without a failure are needed for {100 * rate:g} %"
+        text += f"; {needed(rate, confidence)} without a failure are needed for {percent_of(rate)}"
     return text
 
 

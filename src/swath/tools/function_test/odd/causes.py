@@ -19,6 +19,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from swath.core.number_text import num
 from swath.signals import F64
 from swath.tools.function_test.case import Claim
 from swath.tools.function_test.judging.verdict import BROKEN, SHOWN, needed
@@ -255,15 +256,15 @@ def _text(odd: Odd, spans: Sequence[Span], ends: Sequence[tuple[float, float]] =
         axis, bucket = odd.bucket_axis[first]
         low, high = bucket, last - axis.first
         if ends and axis.edges:
-            said.append(f"{axis.name} {ends[number][0]:g} to {ends[number][1]:g}{axis.unit}")
+            said.append(f"{axis.name} {num(ends[number][0])} to {num(ends[number][1])}{axis.unit}")
         elif low == high:
             said.append(f"{axis.name} {axis.labels[low]}{axis.unit}")
         elif high == axis.count - 1:
-            said.append(f"{axis.name} from {axis.edges[low]:g}{axis.unit} on")
+            said.append(f"{axis.name} from {num(axis.edges[low])}{axis.unit} on")
         elif low == 0:
-            said.append(f"{axis.name} up to {axis.edges[high + 1]:g}{axis.unit}")
+            said.append(f"{axis.name} up to {num(axis.edges[high + 1])}{axis.unit}")
         else:
-            said.append(f"{axis.name} {axis.edges[low]:g} to {axis.edges[high + 1]:g}{axis.unit}")
+            said.append(f"{axis.name} {num(axis.edges[low])} to {num(axis.edges[high + 1])}{axis.unit}")
     return ", ".join(said)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.number_text import num
 from swath.documents.yaml_document import read_document
 from swath.scenario.scenario import load_scenario
 from swath.tools.function_test.odd.binding import FORMAT, WITHIN, Axis, Odd, keys_set_twice, read_odd
@@ -77,7 +78,7 @@ def _axis(odd: Odd, axis: Axis) -> list[Finding]:
         step = 1e-3 * (axis.edges[-1] - axis.edges[0])
         for edge, beyond in ((axis.edges[0], -step), (axis.edges[-1], step)):
             if odd.domain.holds({axis.name: edge + beyond}):
-                text = f"the ODD goes on beyond {edge:g}{axis.unit}, the buckets end there"
+                text = f"the ODD goes on beyond {num(edge)}{axis.unit}, the buckets end there"
                 found.append(Finding(NOT_DRAWN, axis.name, text))
         for bucket in range(axis.count):
             limits = [odd.domain.holds({axis.name: axis.value(bucket, share)}) for share in WITHIN]
@@ -101,7 +102,7 @@ def _refused(odd: Odd) -> list[Finding]:
     for axis in odd.axes:
         for value in [axis.edges[0], axis.edges[-1]] if axis.edges else axis.labels:
             if problem := _error(odd, {**middle, axis.name: value}):
-                shown = f"{value:g}" if isinstance(value, float | int) else value
+                shown = num(value) if isinstance(value, float | int) else value
                 found.append(Finding(OUT_OF_RANGE, axis.name, f"{shown}: {problem}"))
     return found
 

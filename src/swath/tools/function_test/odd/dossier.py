@@ -16,6 +16,7 @@ from xml.etree import ElementTree as ET
 from swath import __version__
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_csv
+from swath.core.number_text import num, percent_of, span
 from swath.core.process.shell import command
 from swath.documents.text_file import read_text
 from swath.report.chart import Chart
@@ -33,7 +34,7 @@ from swath.report.html import (
     joined,
     write_page,
 )
-from swath.runtime.credibility import NEVER_CHECKED, span
+from swath.runtime.credibility import NEVER_CHECKED
 from swath.runtime.met import QUANTITIES, SEEN
 from swath.runtime.world import ASKED_BY
 from swath.scenario.slots import kind_of
@@ -91,7 +92,7 @@ ABOUT_CELLS = (
     "The range of each attribute is cut into buckets. A **cell** is one bucket, or a pair of buckets of "
     "two attributes. It is **broken** where its runs rule out the claim that {0} of all runs there would "
     "pass, **shown** where they rule out that fewer would, **not shown** where they are too few to say "
-    "either, and **never driven** where no run counts and none drove {1:g} m. [How cells are "
+    "either, and **never driven** where no run counts and none drove {1} m. [How cells are "
     "judged](#judged)"
 )
 CAUSES = (
@@ -153,8 +154,8 @@ ABOUT_MATRIX = (
 UNFELT = "attribute", "asked for by", "runs in which its key differed from its default"
 LEFT = ("run", "at t [s]", "after [m]", "outside for [m]", "because", "verdict", "counts")
 ABOUT_LEFT = (
-    f"A run that passes counts for the verdicts only if {100 * INSIDE:g} % of its way lies inside the ODD; "
-    "one that fails always counts."
+    f"A run that passes counts for the verdicts only if {num(100 * INSIDE)} % of its way lies inside the "
+    "ODD; one that fails always counts."
 )
 FAILED = ("run", "first broken limit, in the order of expect", "values of the attributes")
 ABOUT_FAILED = (
@@ -175,7 +176,7 @@ ABOUT_AGAIN = (
 )
 OTHER_CODE = "The runs were made by other code than this page: a run made again may have another digest."
 FILES = (
-    "`cells.csv`: every cell: verdict, runs, failures, hits (runs that drove {0:g} m or more there), "
+    "`cells.csv`: every cell: verdict, runs, failures, hits (runs that drove {0} m or more there), "
     "metres, seconds, p-values; of a broken one the cause, and its runs without those of all causes",
     "`runs.csv`: every run: values of the attributes, seed, verdict, digest, where it left the ODD",
     "`requirements.csv`: every requirement: the runs and limits that judge it",
@@ -207,8 +208,8 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
     tried = [run for run in found.coverage.runs if run.is_judged]
     passed = sum(run.passes for run in tried)
     lines = [
-        f"{passed} of {len(tried)} runs pass; {driven} of {pairs} pairs of buckets driven {HIT_M:g} m or "
-        f"counted ({100 * driven / max(1, pairs):.1f} %)"
+        f"{passed} of {len(tried)} runs pass; {driven} of {pairs} pairs of buckets driven {num(HIT_M)} m or "
+        f"counted ({num(100 * driven / max(1, pairs))} %)"
     ]
     causes = found.causes()
     for cause, _, here, is_elsewhere in _runs_of(found, causes):
@@ -318,7 +319,7 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         Section("Files and digests", [
             Banner(OTHER_CODE) if found.campaign.code != code_hash() else "",
             Table("", ("what", "digest"), _digests(found)),
-            Items([text.format(HIT_M, restricted.name, folder.name) for text in FILES]),
+            Items([text.format(num(HIT_M), restricted.name, folder.name) for text in FILES]),
         ]),
     ]  # fmt: skip
     return write_page(
@@ -352,9 +353,9 @@ def _facts(found: Conducted, cells: Sequence[OddCell]) -> dict[str, object]:
     return {
         "runs": f"{len(runs)} of {found.campaign.budgets[-1]}",
         "runs that pass": str(sum(run.passes for run in runs if run.is_judged)),
-        "claim for each cell": f"{100 * claim.pass_rate:g} % of its runs pass, "
-        f"{100 * claim.confidence:g} % confidence",
-        f"pairs of buckets driven {HIT_M:g} m or counted": f"{driven} of {pairs}",
+        "claim for each cell": f"{num(100 * claim.pass_rate)} % of its runs pass, "
+        f"{num(100 * claim.confidence)} % confidence",
+        f"pairs of buckets driven {num(HIT_M)} m or counted": f"{driven} of {pairs}",
         "fewest runs counted for a pair": str(_fewest(cells)),
         "requirement": found.odd.file.requirement or None,
         "ODD version": found.odd.domain.version or None,
@@ -364,9 +365,9 @@ def _facts(found: Conducted, cells: Sequence[OddCell]) -> dict[str, object]:
 
 
 def _about(found: Conducted) -> tuple[str, str]:
-    share = f"{100 * found.claim.pass_rate:g} %"
+    share = f"{num(100 * found.claim.pass_rate)} %"
     return f"{_overall([run for run in found.coverage.runs if run.is_judged])}.", ABOUT_CELLS.format(
-        share, HIT_M
+        share, num(HIT_M)
     )
 
 
@@ -429,7 +430,7 @@ def _never(found: Conducted, cells: Sequence[OddCell]) -> list[object]:
     undrawn = [(finding.name, finding.text) for finding in not_drawn(found.odd)]
     head = ("attribute", "part")
     all_driven = (
-        f"Every pair of buckets that the ODD has was driven {HIT_M:g} m or more, or has a run that "
+        f"Every pair of buckets that the ODD has was driven {num(HIT_M)} m or more, or has a run that "
         "counts for it."
     )
     return [
@@ -446,7 +447,7 @@ def _never(found: Conducted, cells: Sequence[OddCell]) -> list[object]:
 
 def _how(found: Conducted) -> str:
     test = "the exact binomial test" if found.is_complete else "an e-process (see above)"
-    sure, wrong = f"{100 * found.claim.confidence:g} %", f"{100 * (1.0 - found.claim.confidence):g} %"
+    sure, wrong = f"{num(100 * found.claim.confidence)} %", f"{num(100 * (1.0 - found.claim.confidence))} %"
     return HOW.format(test, sure, wrong)
 
 
@@ -475,7 +476,7 @@ def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
         places = [p for p in sorted(own) if 0 <= p < axis.count]
         if axis.edges:
             runs = [list(g) for _, g in groupby(enumerate(places), lambda pair: pair[1] - pair[0])]
-            parts = [f"{axis.edges[r[0][1]]:g} to {axis.edges[r[-1][1] + 1]:g}" for r in runs]
+            parts = [f"{num(axis.edges[r[0][1]])} to {num(axis.edges[r[-1][1] + 1])}" for r in runs]
         else:
             parts = [axis.labels[p] for p in places]
         said.append((axis.name, f"{', '.join(parts)}{axis.unit}" if parts else NOWHERE))
@@ -510,7 +511,7 @@ def _causes(found: Conducted, causes: Sequence[Cause]) -> list[list[object]]:
                 element("strong", cause.text),
                 f"{cause.failed} of {cause.counted}",
                 f"{cause.rest_failed} of {cause.rest_counted}",
-                f"{cause.p:.1e}",
+                num(cause.p),
                 joined((here, element("strong", "(!)"))) if is_elsewhere else str(here),
                 str(failing[0]["reason"]),
                 joined(repeat, "<br>"),
@@ -525,7 +526,7 @@ def _in_no_bucket(found: Conducted) -> list[list[str]]:
     for number, axis in enumerate(found.odd.axes):
         ways = [float(run.metres[run.steps[:, number] < 0].sum()) for run in found.coverage.runs]
         if any(ways):
-            rows.append([axis.name, f"{sum(ways):.0f}", str(sum(way > 0.0 for way in ways))])
+            rows.append([axis.name, num(sum(ways)), str(sum(way > 0.0 for way in ways))])
     return rows
 
 
@@ -548,7 +549,7 @@ def _by_limit(found: Conducted) -> list[list[str]]:
     rows = []
     for name, _ in (broken + unmeasured).most_common():
         count = broken[name], judged_runs - unmeasured[name], 0.975
-        share = f"{100.0 * lower_bound(*count):.0f} to {100.0 * upper_bound(*count):.0f} %"
+        share = f"{num(100.0 * lower_bound(*count))} to {percent_of(upper_bound(*count))}"
         rows.append([name, str(broken[name]), share, str(alone[name]), str(unmeasured[name])])
     errors = sum(run.result["verdict"] == ERROR for run in found.coverage.runs)
     rows += [["ended before a limit was measured", "", "", "", str(nothing)]] if nothing else []
@@ -613,9 +614,9 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> Beside:
             if (cell := by_place.get(place)) is None:
                 rows.append([axis.labels[bucket], "outside the ODD", *[""] * 5])
                 continue
-            share = f"{100 * axis.exposure[bucket]:.0f} %" if axis.bound.exposure else "not stated"
+            share = percent_of(axis.exposure[bucket]) if axis.bound.exposure else "not stated"
             passed = f"{cell.counted - cell.failed} of {cell.counted}"
-            way = (f"{cell.metres:.0f}", f"{cell.seconds:.0f}", str(sum(place in some for some in drawn)))
+            way = (num(cell.metres), num(cell.seconds), str(sum(place in some for some in drawn)))
             verdict = joined((element("i", class_=_look(cell.verdict)), cell.verdict), "")
             rows.append([axis.labels[bucket], element("span", verdict, class_="key"), passed, *way, share])
         met = axis.bound.met
@@ -634,7 +635,7 @@ def _matrix(found: Conducted, cells: Sequence[OddCell]) -> Beside:
     )
     for cell in cells:
         x, y = cell.places[0] * size, 1.0 - (cell.places[-1] + 1) * size
-        counts = f"{cell.counted - cell.failed} of {cell.counted} pass, {cell.metres:.0f} m"
+        counts = f"{cell.counted - cell.failed} of {cell.counted} pass, {num(cell.metres)} m"
         look = "clean" if cell.verdict == NOT_SHOWN and not cell.failed else _look(cell.verdict)
         title = f"{cell.text}: {cell.verdict}, {counts}"
         made.box(x, y, 0.93 * size, 0.93 * size, look=look, title=title)
@@ -664,7 +665,7 @@ def _keys(*others: tuple[str, str]) -> Html:
 def _left(run: Driven) -> list[object]:
     assert run.outside is not None
     o, name = run.outside, element("code", str(run.result["id"])[:8])
-    way = (f"{o.t_s:.1f}", f"{o.distance_m:.1f}", f"{o.length_m:.0f}")
+    way = (num(o.t_s, places=1), num(o.distance_m, places=1), num(o.length_m))
     return [name, *way, o.why, str(run.result["verdict"]), "yes" if run.counts else "no"]
 
 
@@ -701,7 +702,9 @@ def _levels(found: Conducted) -> list[list[str]]:
             if choice.kind.is_control:
                 continue
             ranges = [f"{c.quantity} {c.span} ({c.source})" for c in choice.found.checked]
-            errors = [f"{e.metric} {e.size:g} against {e.against} ({e.source})" for e in choice.found.errors]
+            errors = [
+                f"{e.metric} {num(e.size)} against {e.against} ({e.source})" for e in choice.found.errors
+            ]
             text = "; ".join(ranges) or "no range declared: what a run met was not compared with anything"
             rows.append([f"{machine.name}.{slot}", choice.level, text, "; ".join(errors) or "none stated"])
     return rows

@@ -15,6 +15,7 @@ from typing import Any
 from swath.core.errors import Extra, InputError
 from swath.core.files.temporary import TemporaryFolder
 from swath.core.files.whole_file import write_whole
+from swath.core.number_text import num
 from swath.documents.yaml_document import Document, read_document
 
 Value = float | str | bool
@@ -94,7 +95,7 @@ class Domain:
             return ""
         for name, value in values.items():
             if not self.holds({name: value}):
-                return f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+                return f"{name} {num(value)}" if isinstance(value, float) else f"{name} {value}"
         pairs = [(a, b) for a in values for b in values if a < b]
         for a, b in pairs:
             if not self.holds({a: values[a], b: values[b]}):
@@ -178,7 +179,7 @@ def _collect(node: Any, above: tuple[str, ...], found: dict[str, Attribute]) -> 
 
 
 def _text(value: Value) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return num(value) if isinstance(value, float) else str(value)
 
 
 def _library() -> Any:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num
 from swath.core.process.shell import command
 from swath.runtime.met import SUMMARY as MET
 from swath.terminal.outcome import NOT_JUDGED, limit_text, result_of, window_text
@@ -81,7 +82,7 @@ def _add(told: Traced, result: Result, entries: Sequence[Mapping[str, Any]]) -> 
         margin = margin_of(entry, is_bounded=False)
         if said_of(entry) in ("pass", "fail") and entry["value"] is not None and margin < told.margin:
             told.worst, told.margin = result, margin
-            told.why = f"{entry['subject']}.{entry['name']} {entry['value']:.4g}"
+            told.why = f"{entry['subject']}.{entry['name']} {num(entry['value'])}"
 
 
 TRACE = ("requirement", "run", "limit", "result", "value", "again")

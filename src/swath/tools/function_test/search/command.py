@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from swath.core.number_text import num, span
 from swath.terminal.options import add_folder, add_sets, option
 from swath.tools.function_test.progress import add_engine, engine, progress
 
@@ -40,7 +41,6 @@ def _search(args: argparse.Namespace) -> int:
 
 def tell(found: Any, check: Path | None = None) -> int:
     """Table, page and what the search shows on the screen."""
-    from swath.report.html import signed
     from swath.terminal.tables import table
     from swath.tools.function_test.journal import write_table
     from swath.tools.function_test.search.page import write_search
@@ -52,8 +52,7 @@ def tell(found: Any, check: Path | None = None) -> int:
     page = write_search(found.folder / "report.html", found, checked)
     ranges = found.ranges
     rows = [
-        (name, "{:g} to {:g}".format(*ranges[name]), signed(first, 2), signed(total, 2))
-        for name, first, total in boundary.sensitivities()
+        (name, span(ranges[name]), num(first), num(total)) for name, first, total in boundary.sensitivities()
     ]
     table("", ("parameter", "range", "share of the variance, alone", "with others"), rows)
     print(f"{len(found.results)} runs, {found.passed()[0]} of them pass")
@@ -61,6 +60,6 @@ def tell(found: Any, check: Path | None = None) -> int:
         print(line)
     if checked is not None:
         share = 100 * checked[0] / checked[1]
-        print(f"{checked[0]} of {checked[1]} other runs predicted correctly: {share:.1f} %")
+        print(f"{checked[0]} of {checked[1]} other runs predicted correctly: {num(share)} %")
     print(f"report  {page}")
     return 0

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath import __version__
+from swath.core.number_text import num, percent_of, signed, span
 from swath.report.chart import Chart
 from swath.report.html import Beside, Facts, Html, Section, Table, bar, element, joined, write_page
 from swath.tools.function_test.judging.first_batch import banners
@@ -31,10 +32,10 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
     """Write the page. checked: runs of another test that the boundary foretells right, of how many."""
     boundary, count = found.boundary, len(found.results)
     failed = [result for result in found.judged if result["verdict"] != "pass"]
-    rows = [(run, f"{margin:+.2f}") for run, margin in _nearest_first(found, failed)][:FAILED_MAX]
+    rows = [(run, signed(margin)) for run, margin in _nearest_first(found, failed)][:FAILED_MAX]
     maps = [_map(found, boundary, x, y) for x, y in combinations(range(len(found.ranges)), 2)]
     sensitivities = [
-        [name, element("code", found.case.file.vary[name].key), "{:g} to {:g}".format(*ends), index(first),
+        [name, element("code", found.case.file.vary[name].key), span(ends), index(first),
          index(total)]
         for (name, first, total), ends in zip(boundary.sensitivities(), found.ranges.values(), strict=True)
     ]  # fmt: skip
@@ -55,7 +56,7 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
             Facts(
                 {
                     "the runs": "; ".join(found.shows),
-                    "left out, predicted correctly": f"{100 * boundary.right_of_left_out:.0f} % of the runs",
+                    "left out, predicted correctly": f"{percent_of(boundary.right_of_left_out)} of the runs",
                     "other runs, predicted correctly": checked and "{} of {}".format(*checked),
                 }
             ),
@@ -65,7 +66,7 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
 
 def index(share: float) -> Html:
     """A share of a variance; a dash where there is none."""
-    return joined((bar(share), f"{share:.2f}")) if isfinite(share) else joined(("–",))
+    return joined((bar(share) if isfinite(share) else "", num(share)))
 
 
 def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:
@@ -95,7 +96,7 @@ def _line(found: Searched, boundary: Boundary) -> Chart:
 
 def _with_runs(made: Chart, found: Searched, boundary: Boundary, x: Any, y: Any) -> Chart:
     for a, b, margin, result in zip(x, y, boundary.margins, found.judged, strict=True):
-        title = f"{point_text(result['point'], result['seed'])}: margin {margin:+.2f}"
+        title = f"{point_text(result['point'], result['seed'])}: margin {signed(margin)}"
         if margin >= 0.0:
             made.dot(float(a), float(b), "on", title)
         else:
@@ -105,7 +106,7 @@ def _with_runs(made: Chart, found: Searched, boundary: Boundary, x: Any, y: Any)
 
 def _axis(found: Searched, number: int) -> tuple[str, str, str]:
     name, (low, high) = list(found.ranges.items())[number]
-    return name, f"{low:g}", f"{high:g}"
+    return name, num(low), num(high)
 
 
 def _nearest_first(found: Searched, failed: Sequence[Result]) -> list[tuple[Result, float]]:

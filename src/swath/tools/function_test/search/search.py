@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.errors import InputError
+from swath.core.number_text import num, percent_of
 from swath.documents.validation import near_miss
 from swath.runtime.workers import workers_kept
 from swath.signals import F64
@@ -120,9 +121,9 @@ class Searched:
         kept, even = self.passed(self._evenly_spread())
         low = 100 * lower_bound(kept, even, claim.confidence)
         passing, unknown = self.boundary.shares
-        expected = f"{100 * passing:.0f} % of the ranges pass, {100 * unknown:.0f} % may be on either side"
+        expected = f"{percent_of(passing)} of the ranges pass, {percent_of(unknown)} may be on either side"
         return [
-            f"of the first {even} runs, spread evenly over the ranges, {kept} pass, shows >= {low:.3g} %",
+            f"of the first {even} runs, spread evenly over the ranges, {kept} pass, shows >= {num(low)} %",
             f"expected between the runs, not shown: {expected}",
             *said,
         ]
