@@ -2,6 +2,7 @@
 
     nice python -m benchmarks.credibility [--distance 10] [CASE ...]
     nice python -m benchmarks.credibility --ends [--distance 25] [QUANTITY ...]
+    nice python -m benchmarks.credibility --beyond [--distance 25] [--number 16] [QUANTITY ...]
 
 The first run of every case over its first metres. Runs outside: tests/runtime/test_credibility.py.
 
@@ -9,14 +10,20 @@ The first run of every case over its first metres. Runs outside: tests/runtime/t
 values where there is none: by how much `lateral_rms_m` differs from that at plain values and from that with
 every stem (lidar `plants`), and what is said. `SILENT`: nothing is said, the line moves by more than the
 error that the scanner's level states, and with every stem it does not; or it is off from that by more inside.
+
+`--beyond` draws values of a quantity beyond the range of lidar `empirical`, over crops, edges, slopes, motion
+levels and seeds, and drives each with `empirical` and with `plants`: by how much metrics differ at most is
+what that level states of use beyond its range.
 """
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import degrees, isfinite, nan
+from math import degrees, inf, isfinite, nan
 from statistics import fmean
 from typing import Any
+
+import numpy as np
 
 from swath.core.errors import InputError, SwathError
 from swath.core.units import KMH
@@ -26,6 +33,7 @@ from swath.runtime.job import run_unrecorded
 from swath.runtime.met import QUANTITIES
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import load_scenario
+from swath.sensing.lidar.empirical import MOVED
 from swath.tools.function_test.case import find_cases
 from swath.tools.function_test.one_run import scenario_of
 from swath.tools.function_test.plan import Plan
@@ -180,6 +188,58 @@ def drive_ends(names: Sequence[str], distance: float) -> None:
     print(f"{silent} of {count} silent")
 
 
+# Drawn beyond the ranges of `empirical`, (low, high) of each side; of stems shares of those of the crop.
+BEYOND: Mapping[str, tuple[tuple[float, float], ...]] = {
+    "stems_per_m2": ((0.25, 0.75), (1.25, 3.0)),
+    "lean_deg": ((20.0, 40.0),),
+    "wind_lean_deg": ((1.0, 15.0),),
+    "weeds_per_m2": ((1.0, 40.0),),
+}
+STEMS = {"wheat": 450.0, "barley": 500.0, "rye": 280.0}  # about those of the crop's sheet
+POST_M = 3.0  # beside the edge, on the stubble
+
+
+def drawn(name: str, seed: int, distance: float) -> tuple[float, list[str]]:
+    """A value of a quantity beyond its range, and changes of `straight` by which a run meets it."""
+    rng = np.random.default_rng([seed, *name.encode()])
+    low, high = BEYOND[name][seed % len(BEYOND[name])]
+    crop, share = str(rng.choice(list(STEMS))), float(rng.uniform(low, high))
+    stems = STEMS[crop] * (share if name == "stems_per_m2" else 1.0)
+    bend = rng.random() < 0.5
+    changes = [
+        f"field.stand={{level: uniform, crop: {crop}, stems_per_m2: {stems:.4g}}}",
+        *(DRIVES[name](share) if name != "stems_per_m2" else ()),
+        *(_bend(float(rng.choice([-3.0, 3.0]))) if bend else ()),
+        *_slope(float(rng.uniform(0.0, 360.0)))(float(rng.uniform(0.0, 9.0))),
+        f"combine.motion.level={rng.choice(['single_track', 'multibody'])}",
+        f"field.obstacles=[{{kind: post, x_m: {-POST_M:g}, y_m: 12}}]",
+        f"run.distance_m={distance:g}",
+        f"seed={seed}",
+    ]
+    return (stems if name == "stems_per_m2" else share), changes
+
+
+def drive_beyond(names: Sequence[str], distance: float, number: int) -> None:
+    """Print by how much each metric differs at most between the levels, by quantity."""
+    for name in names or BEYOND:
+        most = dict.fromkeys(MOVED, 0.0)
+        ends = []
+        for seed in range(number):
+            value, changes = drawn(name, seed, distance)
+            told = [
+                run_unrecorded(load_scenario("straight", sets=[level, *changes])) for level in (CHEAP, DEAR)
+            ]
+            ends.append(value)
+            rows = [[nan if t.get(m) is None else t[m] for t in told] for m in MOVED]
+            for m, (one, other) in zip(MOVED, rows, strict=True):  # one that only one run has is moved far
+                both_lack = one != one and other != other
+                most[m] = max(most[m], 0.0 if both_lack else abs(np.nan_to_num(one - other, nan=inf)))
+            print(
+                f"{name} {value:.4g} {changes[0][12:60]}: {dict(zip(MOVED, rows, strict=True))}", flush=True
+            )
+        print(f"{name} {min(ends):.4g} to {max(ends):.4g}, {number} pairs: {most}", flush=True)
+
+
 def catalogue(names: Sequence[str], distance: float) -> None:
     """Say of the first run of every case what it left."""
     flagged = count = 0
@@ -202,9 +262,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="CASE", help="or quantities with --ends")
     parser.add_argument("--ends", action="store_true")
-    parser.add_argument("--distance", type=float, metavar="M", help="default 10, with --ends 25")
+    parser.add_argument("--beyond", action="store_true")
+    parser.add_argument("--number", type=int, default=16, metavar="N", help="pairs of each quantity")
+    parser.add_argument("--distance", type=float, metavar="M", help="default 10, with --ends, --beyond 25")
     args = parser.parse_args()
-    if args.ends:
+    if args.beyond:
+        drive_beyond(args.names, args.distance or 25.0, args.number)
+    elif args.ends:
         drive_ends(args.names, args.distance or 25.0)
     else:
         catalogue(args.names, args.distance or 10.0)

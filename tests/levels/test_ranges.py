@@ -13,7 +13,7 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.registry import Checked
+from swath.core.registry import OWN_LAW, WITNESSES, Checked
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH
 from swath.field.stand import uniform
@@ -62,6 +62,26 @@ def test_ranges_name_quantities_of_a_run_and_their_sources():
             if checked.source.endswith(".py"):
                 assert (ROOT / checked.source).is_file(), checked.source
     assert count >= 20
+
+
+def own_law_rows():
+    """Rows of the table of docs/reference/levels.md: (slot, quantity) -> levels."""
+    text = (ROOT / "docs" / "reference" / "levels.md").read_text(encoding="utf-8")
+    rows = text.partition("| by its own law alone |")[2].partition("\n\n")[0].splitlines()[2:]
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    return {(slot, q): {*levels.split(", ")} for q, where in cells for slot, _, levels in
+            (part.partition(": ") for part in where.split("; "))}  # fmt: skip
+
+
+def test_every_range_has_its_witness_and_the_page_names_those_that_have_no_other_law():
+    count, found = dict.fromkeys(WITNESSES, 0), {}
+    for kind, name, level in levels():
+        for checked in level.checked:
+            count[checked.witness] += 1  # KeyError: none of these
+            if checked.witness == OWN_LAW:
+                found.setdefault((kind, checked.quantity), set()).add(name)
+    assert sum(count.values()) >= 100, count
+    assert found == own_law_rows()
 
 
 def test_a_range_of_an_unknown_quantity_is_an_error():

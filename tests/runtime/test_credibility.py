@@ -1,18 +1,21 @@
 """Runs beyond what their levels were checked for are told from those within, by what they met."""
 
 import math
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 from benchmarks.credibility import PLAIN, met
 
 from swath.core.abilities import Meets
+from swath.core.estimate import estimates
 from swath.core.frames import Pose
 from swath.core.registry import Checked
 from swath.core.schedule import NS
 from swath.field.light import light
 from swath.field.weather import fog_extinction
+from swath.judge.catalogue import load_evaluators
 from swath.judge.limits import exit_code_of
 from swath.report.page import _head
 from swath.runtime.assembly import assemble
@@ -24,14 +27,17 @@ from swath.runtime.credibility import (
     Credibility,
     Scene,
     Seen,
+    _holds,
     _told,
     outside_of,
+    rests_on,
     why_outside,
 )
 from swath.runtime.job import run_unrecorded
 from swath.runtime.loop import drive
 from swath.runtime.met import QUANTITIES, where_is
 from swath.scenario.scenario import load_scenario
+from swath.scenario.slots import CATALOGUE
 from swath.signals import MachineState
 from swath.terminal.outcome import result_of
 from swath.tools.function_test.judging.judged import UNJUDGED, beyond, verdict_of
@@ -165,6 +171,123 @@ def test_inside_and_how_far_off_the_level_may_be():
     assert entries["lateral_rms_m"]["level_error"] == error
     assert "level_error" not in entries["contact_count"]
     assert not any("rests_outside" in entry for entry in summary["expect"])
+
+
+THIN = ["field.stand={level: uniform, crop: rye, stems_per_m2: 150}"]
+POST = "field.obstacles=[{{kind: post, x_m: {}, y_m: 6}}]"
+
+
+def open_limits(*sets, distance=14):
+    summary = run(CHEAP, *sets, distance=distance)
+    assert summary["credibility"]["slots"]["combine.lidar"]["state"] == OUTSIDE
+    return {e["name"] for e in summary["expect"] if "rests_outside" in e}, summary
+
+
+def test_a_limit_is_open_only_where_what_was_left_moves_it_so_far():
+    """In rye of 150 stems per m2 by 4.9 cm of the line at most, as drawn runs say; beyond these by more."""
+    every = {"edge_rmse_m", "lateral_rms_m", "contact_count", "rollover_count"}
+    found, summary = open_limits(*THIN, POST.format(-3))
+    assert found == {"edge_rmse_m", "lateral_rms_m"}
+    assert summary["least_clearance_m"] > 1.0
+    wide = ["expect.lateral_rms_m.max=0.3", "expect.edge_rmse_m.max=0.3"]
+    found, summary = open_limits(*THIN, *wide)
+    assert found == set()
+    sizes = {e["name"]: e.get("level_error", {}).get("size") for e in summary["expect"]}
+    moved = {c.quantity: c.beyond.moved for c in compared_of(summary)}["stems_per_m2"]
+    assert sizes["lateral_rms_m"] == moved["lateral_rms_m"]
+    far = ["field.stand={level: uniform, crop: rye, stems_per_m2: 80}"]
+    assert open_limits(*far, *wide)[0] == every
+    assert open_limits(*THIN, *wide, "combine.edge=otsu")[0] == every  # nobody measured what that makes of it
+
+
+def compared_of(summary):
+    world = assemble(load_scenario("straight", sets=[CHEAP, *THIN]))
+    return [c for c in Scene(world).ranges["combine"]["lidar"] if c.beyond is not None]
+
+
+@pytest.mark.parametrize(("value", "bounds", "moved", "margin", "holds"), [
+    (0.03, {"max": 0.1}, 0.05, {}, True), (0.06, {"max": 0.1}, 0.05, {}, False),
+    (0.16, {"max": 0.1}, 0.05, {}, True), (0.14, {"max": 0.1}, 0.05, {}, False),
+    (0.94, {"min": 0.9}, 0.05, {}, False), (0.96, {"min": 0.9}, 0.05, {}, True),
+    (0.03, {"max": 0.1}, None, {}, False), (None, {"max": 0.1}, 0.05, {}, False),
+    (0.03, {"max": 0.1, "hold": "always"}, 0.05, {}, False),
+    (0.0, {"max": 0.0}, 0.05, {"near_m": 0.06}, True), (0.0, {"max": 0.0}, 0.05, {"near_m": 0.04}, False),
+    (1.0, {"max": 0.0}, 0.05, {"near_m": -0.1}, False), (0.0, {"max": 0.0}, 0.05, {"other": 1}, True),
+])  # fmt: skip
+def test_what_a_limit_comes_to_with_its_metric_moved(value, bounds, moved, margin, holds):
+    result = "fail" if value is not None and not value <= bounds.get("max", math.inf) else "pass"
+    entry = {"limit": bounds, "value": value, "result": result}
+    assert _holds(entry, moved, "near_m" if margin else "", margin) == holds
+
+
+def test_an_identity_rests_on_no_level():
+    """Walks all metrics: of those that rest on nothing each is a balance, or a count of the program's own."""
+    world = assemble(load_scenario("straight", sets=[CHEAP]))
+    catalogue = load_evaluators()
+    free = {n for n in catalogue.metrics if not rests_on(world, catalogue, "combine", n)}
+    assert free >= {n for n, m in catalogue.metrics.items() if m.is_identity}
+    assert {n for n, m in catalogue.metrics.items() if m.is_identity} == {
+        "mass_balance_error", "real_time_factor", "ray_count"
+    }  # fmt: skip
+    assert {m.margin for m in catalogue.metrics.values()} <= {"", *catalogue.metrics}
+
+
+def test_what_only_the_own_law_checked_and_what_an_estimate_decides_is_said():
+    fog = "field.weather={fog_mor_m: 200, sun_elevation_deg: 30, sun_azimuth_deg: 180}"
+    foggy, clear = (run(CHEAP, *sets, distance=2) for sets in ([fog], []))
+    assert not any("own law" in n or "estimate" in n for n in clear.get("notes", []))
+    (own,) = [n for n in foggy["notes"] if "own law" in n]
+    assert own == "combine: levels were checked by their own law alone for dust_per_m 0.01498 (lidar)"
+    (said,) = [n for n in foggy["notes"] if "estimate" in n]
+    assert "combine.lidar.weather.overlap_m 1 (our estimate, 0.3 to 2)" in said
+    row = next(
+        r
+        for r in foggy["credibility"]["slots"]["combine.lidar"]["quantities"]
+        if r["quantity"] == "dust_per_m"
+    )
+    assert row["witness"] == "own law"
+
+
+# What a level with bands needs beside it; `field.weather` for all.
+BESIDE = {
+    **{kind: ["combine.process=organs"] for kind in ("threshing", "separation", "cleaning", "crop_flow")},
+    "lidar": ["combine.lidar.window={}", "combine.lidar.weather.near_returns=1"],
+}
+WEATHER = "field.weather={fog_mor_m: 100, sun_elevation_deg: 30, sun_azimuth_deg: 180}"
+
+
+def every_band():
+    for kind in CATALOGUE.registry.packages:
+        for name in CATALOGUE.registry.names(kind):
+            yield from ((kind, name, key) for key in bands_in(CATALOGUE.registry.get(kind, name).params))
+
+
+def bands_in(params, above=""):
+    """Keys with a band of a class of parameters, and of those that may be within."""
+    yield from (above + key for key in estimates(params))
+    for key, hint in (get_type_hints(params) if is_dataclass(params) else {}).items():
+        for inner in {kind for kind in (hint, *get_args(hint)) if is_dataclass(kind)}:
+            yield from bands_in(inner, f"{above}{key}.")
+
+
+def test_every_key_with_a_band_is_told_by_a_run_that_uses_it():
+    """Each level that has one is put into a machine, and has met fog."""
+    by_level = {}
+    for kind, level, key in every_band():
+        by_level.setdefault((kind, level), []).append(key)
+    assert sum(map(len, by_level.values())) >= 150
+    assert len(by_level) >= 17
+    for (kind, level), keys in by_level.items():
+        if kind == "camera" or level == "profile":  # refuse puffs, and weather
+            continue
+        owner = "field" if kind == "stand" else "combine"
+        sets = [f"{owner}.{kind}.level={level}", *BESIDE.get(kind, ())]
+        if kind == "stand":
+            sets = [f"field.stand={{level: {level}, crop: wheat, straw_moisture_percent: weather}}"]
+        watch = Credibility(Scene(assemble(load_scenario("straight", sets=[*sets, WEATHER]))))
+        watch._seen["combine.lidar", "dust_per_m"] = Seen(0.03, 0.03, 1)
+        told = watch.entries()["estimates"][f"{owner}.{kind}"]
+        assert [line.partition(" ")[0] for line in told] == keys, (kind, level)
 
 
 # Changes of `straight`, and quantities for which levels were not checked, each with its slot.

@@ -114,6 +114,7 @@ def test_dust_shortens_the_reach_as_with_plants():
 @pytest.mark.parametrize(
     ("crop", "density"),
     [
+        pytest.param("barley", 200, marks=pytest.mark.draws),
         pytest.param("barley", 550, marks=pytest.mark.draws),
         pytest.param("rye", 250, marks=pytest.mark.draws),
         ("rape", 40),

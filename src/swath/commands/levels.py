@@ -51,9 +51,11 @@ def run(args: argparse.Namespace) -> int:
         columns = ("level", "what it is", "cost", "checked, tolerance")
         table("", columns, [(row[1] + " *" * row[2], *row[3:]) for row in rows])
         say("* the default. Your own: `level: file.py:Class`.")
-        ranges = [(name, c.quantity, c.span, c.source) for (_, name), own in checked.items() for c in own]
+        ranges = [
+            (name, c.quantity, c.span, c.witness, c.source) for (_, name), own in checked.items() for c in own
+        ]
         if ranges:
-            table(f"{args.slot}: ranges", ("level", "quantity", "checked", "by"), ranges)
+            table(f"{args.slot}: ranges", ("level", "quantity", "checked", "against", "by"), ranges)
         for name in (n for _, n in checked if n not in CATALOGUE.registry.links()):
             if names := untold(args.slot, {q for n, q, *_ in ranges if n == name}):
                 say(f"{name} has no range of {', '.join(names)}")

@@ -33,6 +33,36 @@ from swath.core.number_text import span
 GROUP, OWN = "swath.levels", "swath"  # of entry points; the package whose own come first
 
 
+WITNESSES = {
+    "measured": "recordings",
+    "peer": "software that we did not write",
+    "closed form": "a formula that another method or a hand solved",
+    "sibling": "a level that has another law",
+    "truth": "the simulated world, of what control makes of it",
+    "own law": "the level's own law, written once more: it says that the code is right, not that the law is",
+    "left out": "nothing, the level has nothing of it",
+}
+"""Against what a level can be checked."""
+OWN_LAW = "own law"
+
+
+@dataclass(frozen=True)
+class Beyond:
+    """By how much metrics differed at most where a quantity was beyond its range, over drawn runs.
+
+    low, high: as far as runs were drawn
+    moved: by metric, in its unit
+    heard_by: kinds of slots that heard the level in these runs, with their levels
+    source: what measured it
+    """
+
+    low: float
+    high: float
+    moved: Mapping[str, float]
+    heard_by: Mapping[str, str]
+    source: str
+
+
 @dataclass(frozen=True)
 class Checked:
     """Range of a quantity of a run in which a level was checked.
@@ -40,12 +70,16 @@ class Checked:
     quantity: of `runtime/met.py`, or one that the level's parts meet themselves (`core.abilities.Meets`)
     low, high: in the unit of its name
     source: the test or page that checked it there
+    witness: of WITNESSES, "" = nothing is said of it
+    beyond: what use beyond the range changed, None = nobody measured it
     """
 
     quantity: str
     low: float
     high: float
     source: str
+    witness: str = ""
+    beyond: Beyond | None = field(default=None, hash=False)
 
     @property
     def span(self) -> str:

@@ -38,7 +38,7 @@ from swath.field.plume import Puffs
 from swath.field.straw import StrawLayer, write_depth
 from swath.field.tile_generator import PageMaker
 from swath.field.weather import SiteWeather
-from swath.field.wetness import BY_WEATHER, by_weather, film_share
+from swath.field.wetness import by_weather, film_share
 from swath.field.wind import Sway, Wind, make_sway
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ class Field:
         self.library = library
         self.stand_yaw = float(stand.row_heading)
         said: Moisture = getattr(stand, "moisture", Moisture())
-        self._by_weather = bare(said).straw_moisture_percent == BY_WEATHER
+        self._by_weather = bare(said).is_by_weather
         self.moisture = by_weather(said, weather, crop_height)
         self.weather = weather
         self.plumes: dict[str, Puffs] = {}  # by machine

@@ -36,9 +36,9 @@ class Moisture:
     grain_moisture_percent: ByHour = 14.0
     straw_moisture_percent: FromWeather = 12.0
     start_hour: Hour | None = None
-    dry_straw_kg_m2: Annotated[float, Gt(0.0), Le(5.0), Estimate(0.3, 1.0)] = 0.6
-    film_max_kg_m2: Annotated[float, Gt(0.0), Le(2.0), Estimate(0.15, 0.5)] = 0.3
-    straw_lag_h: Annotated[float, Gt(0.0), Le(24.0), Estimate(1.0, 2.0)] = 1.5
+    dry_straw_kg_m2: Annotated[float, Gt(0.0), Le(5.0), Estimate(0.3, 1.0, decides="is_by_weather")] = 0.6
+    film_max_kg_m2: Annotated[float, Gt(0.0), Le(2.0), Estimate(0.15, 0.5, decides="is_by_weather")] = 0.3
+    straw_lag_h: Annotated[float, Gt(0.0), Le(24.0), Estimate(1.0, 2.0, decides="is_by_weather")] = 1.5
 
     def __post_init__(self) -> None:
         for key in ("grain_moisture_percent", "straw_moisture_percent"):
@@ -46,6 +46,11 @@ class Moisture:
             hours = [hour for hour, _ in pairs] if isinstance(pairs, tuple) else []
             if hours != sorted(set(hours)):
                 raise InputError(key, hours, "expected hours that rise")
+
+    @property
+    def is_by_weather(self) -> bool:
+        """Whether dew, rain and drying make the straw's water."""
+        return isinstance(self.straw_moisture_percent, str)
 
     def at(self, t: int) -> dict[str, float]:
         """`grain_moisture` and `straw_moisture` at a time [ns] of the run, shares of the wet mass."""

@@ -104,7 +104,7 @@ def by_weather(moisture: Moisture, weather: SiteWeather | None, height: float) -
             expected = f"expected {start:.4g}, the hour of field.weather.time, or none"
             raise InputError("field.stand.start_hour", own, expected)
         moisture = telling(replaced(moisture, start_hour=start), {"start_hour": asks_time})
-    if bare(moisture).straw_moisture_percent != BY_WEATHER:
+    if not bare(moisture).is_by_weather:
         return moisture
     if weather is None:
         raise InputError(key, BY_WEATHER, "expected field.weather beside it")

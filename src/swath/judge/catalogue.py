@@ -36,8 +36,8 @@ Scope = Literal["machine", "field", "run"]
 
 # What the run itself counts.
 RUN_METRICS = (
-    Metric("real_time_factor", "", "simulated time / wall time", "Run", "higher", "", is_windowed=False),
-    Metric("ray_count", "", "rays cast by all sensors", "Run", "", "rays cast", is_windowed=False),
+    Metric("real_time_factor", "", "simulated time / wall time", "Run", "higher", "", is_windowed=False, is_identity=True),
+    Metric("ray_count", "", "rays cast by all sensors", "Run", "", "rays cast", is_windowed=False, is_identity=True),
 )
 SENSOR_METRICS = (
     Metric("unmeasured_beam_share", "1", "share of the beams of replayed scans that ended where nothing was "

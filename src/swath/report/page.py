@@ -170,7 +170,7 @@ def _credibility(summary: Mapping[str, Any]) -> list[Fold]:
     told = summary.get("credibility", {})
     rows = [
         [slot, row["quantity"], row["state"] or "not met", "-" if row["met"] is None else span(row["met"]),
-         span(row["checked"]), of["level"], row["source"]]
+         span(row["checked"]), of["level"], ", ".join(filter(None, (row["source"], row.get("witness"))))]
         for slot, of in told.get("slots", {}).items() for row in of["quantities"]
     ]  # fmt: skip
     if not rows:
@@ -178,13 +178,16 @@ def _credibility(summary: Mapping[str, Any]) -> list[Fold]:
     text = "What the run met, against the range in which each level was checked."
     if told.get("undeclared"):
         text += f" No range is declared for the levels of {', '.join(told['undeclared'])}."
-    unchecked = [[slot, ", ".join(names)] for slot, names in told.get("not_checked", {}).items()]
-    not_checked = Table("", ["slot", "not checked, of what changes what it does"], unchecked)
-    parts = [Table("", CREDIBILITY, rows, (3, 4), text), *[not_checked][: len(unchecked)]]
+    lists = (("not_checked", "not checked, of what changes what it does"), ("estimates", "rests on"))
+    tables = [
+        Table("", ["slot", about], [[slot, ", ".join(names)] for slot, names in told[key].items()])
+        for key, about in lists if told.get(key)
+    ]  # fmt: skip
     met = [row for row in rows if row[2] != "not met"]
     out = [row for row in met if row[2] != "inside"]
     line = f"{len(met) - len(out)} of {len(met)} quantities inside the range that levels were checked for"
     beyond = "; ".join(f"{row[1]} of {row[0]} {row[2]}" for row in out)
+    parts = [Table("", CREDIBILITY, rows, (3, 4), text), *tables]
     return [Fold(f"{line}: {beyond}" if beyond else line, parts)]
 
 

@@ -9,9 +9,11 @@ beyond its range, else `inside`.
 A quantity that changes what a slot does (`runtime.met.Quantity.touches`) and for which its level declares no
 range is `not checked` there: it is listed, and a note says so where the run met more than plain values.
 
-A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph.
-Where one of these is outside, it is not judged, but for slots of control: those are what is judged. What is
-broken by the event that ended the run is judged: it is why there is no more of the run.
+A limit rests on the slots that its evaluator sees and on all that feeds these, over the wires of the graph;
+one on an identity, as a balance, on none. Where one of these is outside, it is not judged, but for slots of
+control: those are what is judged. It is judged, too, where drawn runs beyond the range say by how much the
+quantity moves its metric at most (`core.registry.Beyond`), and it comes to the same with the metric moved so
+far. What is broken by the event that ended the run is judged: it is why there is no more of the run.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,9 +27,10 @@ import numpy as np
 from swath.core.abilities import Ending, HasRanges
 from swath.core.blocks import ShownToAll
 from swath.core.errors import InputError
+from swath.core.estimate import Estimate, held
 from swath.core.number_text import span
 from swath.core.packed_state import saved_type
-from swath.core.registry import Checked, KnownError
+from swath.core.registry import OWN_LAW, Checked, KnownError
 from swath.core.schedule import NS
 from swath.core.units import rounded
 from swath.judge.catalogue import EvaluatorCatalogue
@@ -242,7 +245,7 @@ class Credibility(SeesAll):
     def entries(self) -> dict[str, Any]:
         """As it stands in summary.json: `slots` with a declared range, and the others as `undeclared`; by
         slot the quantities that are `not_checked` there, and what was `met` of these, by machine; by slot the
-        `never_checked` ones of which more than plain values were met.
+        `never_checked` ones of which more than plain values were met, and the `estimates` that it rests on.
         """
         slots, rest = {}, []
         for machine in self.scene.world.machines.values():
@@ -271,6 +274,10 @@ class Credibility(SeesAll):
             NEVER_CHECKED: self._never_checked(),
             "met": met,
             "level_errors": {e.metric: e.size for choice in chosen for e in choice.found.errors},
+            "estimates": {
+                slot: [band.told(key, value) for key, value, band in own]
+                for slot, own in self._estimates().items()
+            },
             "given": sorted({name for choice in chosen for name in choice.found.given}),
         }
 
@@ -284,6 +291,56 @@ class Credibility(SeesAll):
                 said.append(f"{name} {met} ({', '.join(slots)})")
             if said:
                 yield f"{machine}: levels were not checked for {'; '.join(said)}"
+
+    def _unusual(self) -> Iterator[tuple[str, str, str, Seen]]:
+        """What was met beyond plain values: machine, slot or "", quantity, and how much."""
+        for (name, quantity), seen in self._seen.items():
+            low, high = QUANTITIES[quantity].plain if quantity in QUANTITIES else (-inf, inf)
+            if seen.looks and not low <= seen.low <= seen.high <= high:
+                machine, _, slot = name.partition(".")
+                yield machine, slot, quantity, seen
+
+    def _estimates(self) -> dict[str, list[tuple[str, float, Estimate]]]:
+        """By slot, or `field.stand`, the keys with a band that changed something: with value and band."""
+        world, unusual = self.scene.world, [(m, q) for m, _, q, _ in self._unusual()]
+        stand = world.scenario.field.stand
+        holders = [("", "field.stand", None if stand is None else stand.params)]
+        holders += [(m.name, f"{m.name}.{slot}", choice.params) for m in world.machines.values()
+                    for slot, choice in m.slots.items() if m.parts.get(slot) is not None]  # fmt: skip
+        found: dict[str, list[tuple[str, float, Estimate]]] = {}
+        for machine, slot, params in holders:
+            for key, value, band, owner in held(params):
+                if (
+                    not band.decides
+                    or (machine, band.decides) in unusual
+                    or getattr(owner, band.decides, False)
+                ):
+                    found.setdefault(slot, []).append((key, value, band))
+        return found
+
+    def rests_on_estimates(self) -> Iterator[str]:
+        """Notes on estimates that decide what something did that was met beyond plain values."""
+        for slot, own in self._estimates().items():
+            said = [
+                band.told(f"{slot}.{key}", value) for key, value, band in own if band.decides in QUANTITIES
+            ]
+            if said:
+                decided = dict.fromkeys(band.decides for *_, band in own if band.decides in QUANTITIES)
+                yield f"what {', '.join(decided)} does rests on {', '.join(said)}: run both ends, too"
+
+    def own_law(self) -> Iterator[str]:
+        """Notes on what was met beyond plain values by levels that were checked for it by their own law."""
+        found: dict[tuple[str, str], dict[str, Seen]] = {}
+        for machine, slot, quantity, seen in self._unusual():
+            own = (c.witness for c in self.scene.ranges[machine].get(slot, ()) if c.quantity == quantity)
+            if OWN_LAW in own:
+                found.setdefault((machine, quantity), {})[slot] = seen
+        for machine in dict.fromkeys(machine for machine, _ in found):
+            said = []
+            for quantity, slots in ((q, own) for (m, q), own in found.items() if m == machine):
+                ends = min(s.low for s in slots.values()), max(s.high for s in slots.values())
+                said.append(f"{quantity} {span([rounded(e, 4) for e in ends])} ({', '.join(slots)})")
+            yield f"{machine}: levels were checked by their own law alone for {'; '.join(said)}"
 
     def _beyond_plain(self, machine: str) -> Iterator[tuple[str, list[str]]]:
         """Quantities met beyond plain values, each with the slots whose levels were not checked for it."""
@@ -315,6 +372,7 @@ class Credibility(SeesAll):
             "looks": seen.looks,
             "beyond": seen.beyond,
             "source": checked.source,
+            "witness": checked.witness,
         }
 
 
@@ -329,7 +387,14 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
     doubtful = []
     for entry in summary["expect"]:
         slots = rests_on(watch.scene.world, catalogue, entry["subject"], entry["name"])
-        beyond = [name for name in outside if name in slots - controls]
+        margin = getattr(catalogue.metrics.get(entry["name"]), "margin", "")
+        metrics = {**summary, **summary.get("machines", {}).get(entry["subject"], {})}
+        moved = {
+            name: _moved(watch.scene, name, outside[name]["quantities"], margin or entry["name"])
+            for name in outside
+            if name in slots - controls
+        }
+        beyond = [name for name, by in moved.items() if not _holds(entry, by, margin, metrics)]
         if beyond and not (
             entry["result"] == "fail" and _ended_it(watch.scene.world, catalogue, entry["name"])
         ):
@@ -339,11 +404,50 @@ def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCa
             continue
         if found := [(n, e) for n, e in errors if n in slots and e.metric == entry["name"]]:
             slot, error = max(found, key=lambda pair: pair[1].size)
-            entry["level_error"] = {"size": error.size, "slot": slot, "against": error.against}
-    notes = [f"{name}: {why_outside(entry)}" for name, entry in outside.items()] + [*watch.untold()]
+            size = max([error.size, *(by for by in moved.values() if by and not margin and not beyond)])
+            entry["level_error"] = {"size": size, "slot": slot, "against": error.against}
+    notes = [f"{name}: {why_outside(entry)}" for name, entry in outside.items()]
+    notes += [*watch.untold(), *watch.own_law(), *watch.rests_on_estimates()]
     if doubtful:
         notes.append(f"not to be relied on, they rest on that: {', '.join(dict.fromkeys(doubtful))}")
     return notes
+
+
+def _moved(scene: Scene, name: str, quantities: Sequence[Mapping[str, Any]], metric: str) -> float | None:
+    """By how much a slot outside its range moves a metric at most; None where nobody measured it.
+
+    quantities: that are outside, as `outside_of` gives them
+    """
+    machine, _, slot = name.partition(".")
+    slots, sizes = scene.world.machines[machine].slots, [0.0]
+    heard_by = {
+        node.slot.name
+        for node in scene.world.graph.nodes
+        if name in {source for source, _ in node.wires.values()}
+    }
+    known = {checked.quantity: checked.beyond for checked in scene.ranges[machine][slot]}
+    for row in quantities:
+        beyond = known[row["quantity"]]
+        if beyond is None or metric not in beyond.moved:
+            return None
+        listening = [slots.get(other.removeprefix(f"{machine}.")) for other in heard_by]
+        is_heard = all(own and beyond.heard_by.get(own.kind.name) == own.level for own in listening)
+        if not is_heard or not beyond.low <= row["met"][0] <= row["met"][1] <= beyond.high:
+            return None
+        sizes.append(beyond.moved[metric])
+    return sum(sizes)
+
+
+def _holds(entry: Mapping[str, Any], moved: float | None, margin: str, metrics: Mapping[str, Any]) -> bool:
+    """Whether a limit on the whole run comes to the same with its metric, or its margin, moved so far."""
+    limit, value = entry["limit"], entry["value"]
+    if moved is None or value is None or "window" in entry or "hold" in limit:
+        return False
+    if margin:
+        return value == 0.0 and float(metrics.get(margin, inf)) > moved
+    ends = (value - moved, value + moved)
+    kept = [limit.get("min", -inf) <= end <= limit.get("max", inf) for end in ends]
+    return all(kept) if entry["result"] == "pass" else not any(kept)
 
 
 def _ended_it(world: World, catalogue: EvaluatorCatalogue, name: str) -> bool:
@@ -381,6 +485,8 @@ def rests_on(world: World, catalogue: EvaluatorCatalogue, subject: str, name: st
     """Full names of the slots on which a metric rests, or a column of the tracks: those whose samples its
     evaluator sees, and all that feed these.
     """
+    if getattr(catalogue.metrics.get(name), "is_identity", False):
+        return set()
     nodes = {node.slot.name: node for node in world.graph.nodes}
     maker = catalogue.maker_of(name)
     kinds = maker.SIGNALS if isinstance(maker, HasSignals) else None

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.core.asked import replaced
+from swath.core.estimate import Estimate
 from swath.field.field import Field
 from swath.field.weather import RainLaw, SiteWeather, fog_extinction, rain_extinction
 from swath.kernels import Numbered, address, numbered, repeatable, start_warp
@@ -53,9 +54,9 @@ class Weather:
     extinction_per_m: Annotated[float, Ge(0), Le(10)] | None = None
     rain_mm_h: Annotated[float, Ge(0), Le(300)] | None = None
     near_returns: Annotated[float, Ge(0), Le(10)] = 0.0
-    near_reach_m: Annotated[float, Gt(0), Le(50)] = 1.0
-    near_share: Annotated[float, Gt(0), Le(1)] = 0.6
-    near_reflectance: Annotated[float, Ge(0), Le(1)] = 0.3
+    near_reach_m: Annotated[float, Gt(0), Le(50), Estimate(0.3, 3, decides="near_returns")] = 1.0
+    near_share: Annotated[float, Gt(0), Le(1), Estimate(0.3, 1, decides="near_returns")] = 0.6
+    near_reflectance: Annotated[float, Ge(0), Le(1), Estimate(0.1, 0.5, decides="near_returns")] = 0.3
 
     @property
     def law(self) -> RainLaw:
@@ -98,13 +99,14 @@ class ScannerWeather(Weather):
 
     lidar_ratio_sr: extinction of fog and dust over what they send back: 18 fog at 905 nm, 14 to 34 fine dust,
         70 and more coarse dust
-    overlap_m: from here on the receiver sees all of the beam: nothing nearer sends an echo of the air
+    overlap_m: from here on the receiver sees all of the beam: nothing nearer sends an echo of the air; Hahner
+        et al. 2021 (arXiv:2108.05249) take 1 m for a scanner of another make, measured it was not
     rain_law: how rain dims its light: `goodin`, 0.01 R^0.6 per m, the loss of one scanner (Goodin et al.
         2019, doi:10.3390/electronics8010089), or `drops` of Marshall and Palmer, a twenty-fifth of it
     """
 
-    lidar_ratio_sr: Annotated[float, Ge(5), Le(1000)] = 30.0
-    overlap_m: Annotated[float, Ge(0), Le(20)] = 1.0
+    lidar_ratio_sr: Annotated[float, Ge(5), Le(1000), Estimate(14, 100, decides="dust_per_m")] = 30.0
+    overlap_m: Annotated[float, Ge(0), Le(20), Estimate(0.3, 2, decides="dust_per_m")] = 1.0
     rain_law: RainLaw = "goodin"
 
     @property

@@ -191,8 +191,8 @@ LEVEL = Level(
     cost="about 20 us per step",
     tolerance="2 cm RMS at 7 km/h on a straight edge known to 3 cm",
     checked=(
-        Checked("ground_speed_kmh", 0.18, 12.6, BENCH),
-        Checked("yaw_rate_deg_s", -5.0, 5.0, BENCH),
-        Checked("slope_across_percent", -9.0, 9.0, BENCH),
+        Checked("ground_speed_kmh", 0.18, 12.6, BENCH, "truth"),
+        Checked("yaw_rate_deg_s", -5.0, 5.0, BENCH, "truth"),
+        Checked("slope_across_percent", -9.0, 9.0, BENCH, "truth"),
     ),
 )

@@ -35,7 +35,7 @@ class ContactWatch:
     SIGNALS = (MachineState,)
     METRICS = (
         Metric("contact_count", "", "times that the machine touched an obstacle or another machine", "Safety",
-               "lower", "contacts"),
+               "lower", "contacts", margin="least_clearance_m"),
         Metric("least_clearance_m", "m", "least distance to an obstacle or machine, a lower bound above 5 m",
                "Safety", "higher", "least clearance"),
     )  # fmt: skip

@@ -18,7 +18,7 @@ class MassBalance(Later):
     METRICS = (
         Metric("mass_balance_error", "", "the worse of grain and straw: |left the field - in machines, "
                "losses and on the ground| / left the field", "Harvest", "lower",
-               is_windowed=False),
+               is_windowed=False, is_identity=True),
         Metric("stubble_straw_kg", "kg", "straw below the cut, which stays in the field", "Harvest", "",
                "straw left as stubble", is_windowed=False),
     )  # fmt: skip

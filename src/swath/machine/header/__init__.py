@@ -2,5 +2,5 @@
 
 from swath.core.registry import Checked
 
-PROFILE_STEMS = Checked("stems_per_m2", 50.0, 700.0, "tests/levels/test_ranges.py")  # against fixed_height
+PROFILE_STEMS = Checked("stems_per_m2", 50.0, 700.0, "tests/levels/test_ranges.py", "sibling")
 FLOWS = "grain", "straw", "area", "stem_count", "header_fill", "dt", "left_grain"  # that headers send

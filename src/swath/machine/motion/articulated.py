@@ -231,8 +231,8 @@ LEVEL = Level(
     cost="about 90 us per step",
     tolerance="trailer within 5 cm of kinematic in a slow turn of 15 m",
     checked=(
-        Checked("ground_speed_kmh", 0.0, 11.5, TESTS),
-        Checked("slope_along_percent", -18.0, 18.0, TESTS),
+        Checked("ground_speed_kmh", 0.0, 11.5, TESTS, "sibling"),
+        Checked("slope_along_percent", -18.0, 18.0, TESTS, "closed form"),
         FIRM,
     ),
 )

@@ -16,7 +16,7 @@ from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import MS
 from swath.field.site_setup import SiteSetup
-from swath.machine import SLOPES, SPEED
+from swath.machine import DRIVEN, SLOPES
 from swath.machine.powertrain.power_balance import (
     Powers,
     Powertrain,
@@ -130,5 +130,5 @@ LEVEL = Level(
     tolerance="steady speeds equal to the torque balance; the powers per consumer are 30 % guesses",
     numbers=("engine", "power", "hydrostat"),
     steady=steady,
-    checked=(SPEED, SLOPES[1]),
+    checked=(DRIVEN, SLOPES[1]),
 )

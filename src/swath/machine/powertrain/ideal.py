@@ -10,7 +10,7 @@ from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import SiteSetup
-from swath.machine import SLOPES, SPEED
+from swath.machine import DRIVEN, SLOPES
 from swath.machine.powertrain.power_balance import Powers, Powertrain, fuel_rate, steady
 
 
@@ -52,5 +52,5 @@ LEVEL = Level(
     tolerance="equal to hydrostat within the governor's droop while the load stays below 1",
     numbers=("engine", "power"),
     steady=steady,
-    checked=(SPEED, SLOPES[1]),
+    checked=(DRIVEN, SLOPES[1]),
 )

@@ -19,7 +19,7 @@ from swath.core.schedule import NS
 from swath.core.together import plain
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.machine import SLOPES, SPEED
+from swath.machine import DRIVEN, SLOPES
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.organ import ENGINE, JOINED, added, crop, ratio_of
@@ -220,5 +220,5 @@ LEVEL = Level(
     cost="about 60 us per step, 70 us more when straw is laid, and 100 us for the organs",
     tolerance="mass within 1e-12; equal to `threshing` where the organs are those of it",
     numbers=("transport",),
-    checked=(SPEED, *SLOPES),
+    checked=(DRIVEN, *SLOPES),
 )

@@ -36,7 +36,7 @@ from swath.core.frames import Pose
 from swath.core.lens import Lens
 from swath.core.portable import power, product
 from swath.core.random import Stream
-from swath.core.registry import Checked, Level
+from swath.core.registry import OWN_LAW, Checked, Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
@@ -347,5 +347,5 @@ LEVEL = Level(
     "a camera by its data sheet: lens, shutter, blur, exposure control, EMVA 1288 noise, mosaic",
     cost="5 us of one core per pixel with four samples each: 1.6 s for 640 x 480",
     tolerance="equal to rays within 0.5 px without distortion; K, dark noise and efficiency within 2 %",
-    checked=(*CAMERA, Checked("light_lx", 1000.0, BRIGHTEST, "tests/sensing/test_camera_error.py")),
+    checked=(*CAMERA, Checked("light_lx", 1000.0, BRIGHTEST, "tests/sensing/test_camera_error.py", OWN_LAW)),
 )

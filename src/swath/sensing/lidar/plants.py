@@ -13,7 +13,7 @@ from annotated_types import Ge, Le
 from swath.core.component import Outputs
 from swath.core.errors import InputError
 from swath.core.portable import product
-from swath.core.registry import Checked, Level
+from swath.core.registry import OWN_LAW, Checked, Level
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.field.wetness import darkened
@@ -127,6 +127,6 @@ LEVEL = Level(
     checked=(
         *STEMS_SEEN,
         *AIR,
-        Checked("straw_moisture_percent", 0.0, 80.0, RANGES),
+        Checked("straw_moisture_percent", 0.0, 80.0, RANGES, OWN_LAW),
     ),
 )
