@@ -62,6 +62,26 @@ def test_a_page_works_from_top_to_bottom(page, tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+RUNS = [
+    words for name, words in LINES if name == "README.md" and words[0] == "run" and "my-field" not in words
+]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param(w, marks=() if "my_scenario.yaml" in w else pytest.mark.draws, id=" ".join(w))
+        for w in RUNS
+    ],
+)
+def test_a_run_of_the_readme_keeps_its_limits_and_all_are_judged(words, tmp_path, monkeypatch):
+    """Whole, with exit code 0; `my-field` needs an extra: `python -m benchmarks.typed_lines README`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    assert main(["new", "scenario"]) == 0
+    assert main([*words, "--no-report", "--no-replay", "--set", "run.record=none"]) == 0
+
+
 def test_a_page_that_uses_an_extra_without_saying_so_fails(tmp_path):
     text = "```sh\npython -c 'import scipy'\n```\n"
     write_hiding(tmp_path, text)

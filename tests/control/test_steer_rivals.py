@@ -9,6 +9,8 @@ from swath.control.steer.preview import Params, Preview
 from swath.control.steer.pure_pursuit import PurePursuit
 from swath.control.steer.stanley import Stanley
 from swath.core.random import Stream
+from swath.runtime.job import run_unrecorded
+from swath.scenario.scenario import load_scenario
 from swath.signals import CropEdge, Inertial, Odometry
 from tests.control.closed_loop import Course, Loop, setup_of
 
@@ -21,6 +23,22 @@ def test_a_step_of_half_a_metre_dies_out(law, side):
     rows = Loop(law=law, side=side, start_error=0.5, noise=0.0, heading_noise=0.0).run(30)
     assert np.abs(rows[rows[:, 0] > 18.0, 1]).max() < 0.05
     assert rows[:, 1].min() > -0.15
+
+
+@pytest.mark.parametrize("law", [PurePursuit, Stanley])
+def test_the_line_on_the_bench_is_as_docs_reference_levels_has_it(law):
+    """0.4 cm RMS with an edge known to 3 cm, at most 1 cm."""
+    runs = [Loop(law=law, seed=seed).run(100) for seed in range(1, 9)]
+    found = [np.sqrt(np.mean(rows[rows[:, 0] > 10.0, 1] ** 2)) for rows in runs]
+    assert np.mean(found) == pytest.approx(0.004, abs=0.001)
+    assert max(found) < 0.01
+
+
+@pytest.mark.parametrize(("law", "most"), [("pure_pursuit", 0.015), ("stanley", 0.013)])
+def test_the_line_of_straight_on_the_true_edge(law, most):
+    sets = ["run.distance_m=60", "combine.motion.level=kinematic", f"combine.steer.level={law}"]
+    found = run_unrecorded(load_scenario("straight", sets=[*sets, "combine.edge=truth", "combine.lidar=off"]))
+    assert 0.005 < found["lateral_rms_m"] < most
 
 
 def test_pure_pursuit_cuts_bends_and_stanley_does_not():

@@ -30,6 +30,9 @@ from swath.sensing import SPEED, TURN
 from swath.sensing.gnss.antenna import Place as Antenna
 from swath.sensing.imu.strapdown import GRAVITY
 from swath.sensing.imu.strapdown import Place as Unit
+from swath.sensing.lidar.empirical import CHECKED as EMPIRICAL
+from swath.sensing.lidar.empirical import DRIVEN, compared_stems
+from swath.sensing.tables import load_table
 from swath.signals import MachineState, SteerState
 from tests.field.made_field import made_field
 from tests.levels.limits import LIMITS, keys_of, make
@@ -82,6 +85,21 @@ def test_every_range_has_its_witness_and_the_page_names_those_that_have_no_other
                 found.setdefault((kind, checked.quantity), set()).add(name)
     assert sum(count.values()) >= 100, count
     assert found == own_law_rows()
+
+
+def test_the_page_has_by_how_much_use_beyond_a_range_moves_metrics():
+    text = (ROOT / "docs" / "reference" / "levels.md").read_text(encoding="utf-8")
+    rows = text.partition("| beyond the range |")[2].partition("\n\n")[0].splitlines()[2:]
+    stems, *others = (row.strip("| ").split(" | ") for row in rows)
+    found = {"stems_per_m2": compared_stems(load_table("rye-median"))}
+    found |= {checked.quantity: checked for checked in EMPIRICAL if checked.beyond is not None}
+    assert list(found) == ["stems_per_m2", "wind_lean_deg", "weeds_per_m2"]
+    for checked, (_, up_to, *cells) in zip(found.values(), [stems, *others], strict=True):
+        assert f"{checked.beyond.high:g}" in up_to
+        *lengths, count = checked.beyond.moved.values()
+        assert cells == [*(f"{100.0 * moved:.3g} cm" for moved in lengths), f"{count:g}"]
+    for low, high in DRIVEN.values():
+        assert {f"{low:g}", f"{high:g}"} & {*stems[1].replace(",", "").split()}
 
 
 def test_a_range_of_an_unknown_quantity_is_an_error():

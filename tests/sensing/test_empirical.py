@@ -112,6 +112,24 @@ def test_dust_shortens_the_reach_as_with_plants():
 
 
 @pytest.mark.parametrize(
+    ("air", "share"),
+    [({"overlap_m": 0.3}, 0.208), ({}, 0.208), ({"overlap_m": 2.0}, 0.003), ({"lidar_ratio_sr": 14.0}, 0.42),
+     ({"lidar_ratio_sr": 100.0}, 0.013)],
+)  # fmt: skip
+def test_what_fog_does_hangs_on_two_keys_that_nobody_measured(air, share):
+    """Share of the beams that it stops at 200 m of sight, as docs/explanation/lidar.md has it."""
+    fog = "field.weather={fog_mor_m: 200, sun_elevation_deg: 30, sun_azimuth_deg: 180}"
+    keys = {"noise": "none", "step_deg": 1.0, "sensor": "sick-lms511-hr"}
+    lidar = empirical.EmpiricalLidar(
+        empirical.Params(**keys, sector_deg=(-60.0, 60.0), weather=ScannerWeather(**air)), site(450, fog)
+    )
+    lidar.reset(Stream(5, "lidar"))
+    poses = [Pose.from_euler((0.0, 20.0 + 3.0 * k, 3.0), 0.0, np.radians(20.0), np.pi / 2) for k in range(20)]
+    found = [scan(lidar, pose, 10**9 + k)["scan"].ranges[:, 0] < 3.0 for k, pose in enumerate(poses)]
+    assert np.mean(found) == pytest.approx(share, abs=0.015)
+
+
+@pytest.mark.parametrize(
     ("crop", "density"),
     [
         pytest.param("barley", 200, marks=pytest.mark.draws),
@@ -189,7 +207,11 @@ def test_crop_edge_in_leaning_crop(azimuth):
 
 @pytest.mark.parametrize(
     ("crop", "density", "limit"),
-    [("wheat", 120, 0.025), pytest.param("barley", 500, 0.035, marks=pytest.mark.draws)],
+    [
+        ("wheat", 120, 0.025),
+        pytest.param("barley", 500, 0.035, marks=pytest.mark.draws),
+        pytest.param("rye", 280, 0.055, marks=pytest.mark.draws),
+    ],
 )
 def test_crop_edge_seen_from_the_side(crop, density, limit):
     """50 deg across the edge from the stubble, where beams enter through stems, not through ears.

@@ -58,6 +58,21 @@ def test_a_surface_gives_off_what_it_takes_in(seed):
         assert given == pytest.approx(net + (skin - ts) / r, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("wind", "linear", "whole"), [(0.0, 38.3, 35.1), (1.0, 25.3, 24.3), (2.0, 15.1, 14.9)]
+)
+def test_how_much_warmer_straw_is_than_with_the_fourth_power(wind, linear, whole):
+    """At noon, as docs/explanation/sensors.md and reference/levels.md say: 3.2 K in calm air, 1 K, 0.2 K."""
+    air, up, s = Air(wind=(wind, 0.0), temperature=KELVIN + 25.0), radians(57.0), thermal.BOLTZMANN
+    now = thermal.balance(air, up, 0.85)
+    absorbed, e, lost = thermal.DRY
+    light = absorbed * (now.sky + now.sun * np.sin(up)) + e * (now.down - s * now.air**4)
+    assert float(now.surface(*thermal.DRY, np.array(np.sin(up)))) - now.air == pytest.approx(linear, abs=0.1)
+    kelvin = now.air + np.linspace(0.0, 60.0, 60_001)
+    given = now.canopy * (kelvin - now.air) + e * s * (kelvin**4 - now.air**4) - (1.0 - lost) * light
+    assert kelvin[np.abs(given).argmin()] - now.air == pytest.approx(whole, abs=0.1)
+
+
 def test_straw_is_warmer_by_day_and_colder_by_night_and_the_fawn_as_measured():
     """7 to 20 K at noon, 2 to 5 K below the air at night; the outside of a fawn 17 to 25 deg C at dawn."""
     noon = thermal.balance(Air(wind=(2.0, 0.0), temperature=KELVIN + 25.0), radians(57.0), 0.8)

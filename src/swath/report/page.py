@@ -30,6 +30,7 @@ from swath.terminal.outcome import NOT_JUDGED, incident_text, limit_text, result
 
 INCIDENTS = ("time [s]", "distance [m]", "x [m]", "y [m]", "machine", "what", "")
 CREDIBILITY = ("slot", "quantity", "", "met", "checked", "level", "by")
+LISTS = {"not_checked": "not checked, of what changes what it does", "estimates": "rests on"}
 INPUTS = ("machine", "metrics", "numbers of data sheets, where they come from", "% of a metric for 1 % of")
 COST = ("slot", "steps", "per step", "wall time", "share", "of real time", "")
 ABOUT_INPUTS = (
@@ -173,15 +174,12 @@ def _credibility(summary: Mapping[str, Any]) -> list[Fold]:
          span(row["checked"]), of["level"], ", ".join(filter(None, (row["source"], row.get("witness"))))]
         for slot, of in told.get("slots", {}).items() for row in of["quantities"]
     ]  # fmt: skip
-    if not rows:
-        return []
     text = "What the run met, against the range in which each level was checked."
     if told.get("undeclared"):
         text += f" No range is declared for the levels of {', '.join(told['undeclared'])}."
-    lists = (("not_checked", "not checked, of what changes what it does"), ("estimates", "rests on"))
     tables = [
         Table("", ["slot", about], [[slot, ", ".join(names)] for slot, names in told[key].items()])
-        for key, about in lists if told.get(key)
+        for key, about in LISTS.items() if told.get(key)
     ]  # fmt: skip
     met = [row for row in rows if row[2] != "not met"]
     out = [row for row in met if row[2] != "inside"]
