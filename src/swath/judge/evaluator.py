@@ -131,10 +131,8 @@ class Metric:
     label: name in reports, by default the name in words
     shown, decimals: of version 0.2, for reports: numbers are written by `swath.core.number_text` now
     is_windowed: whether it can also be computed of a part of the run
-    is_identity: whether it is about the program alone, as a balance or a count of its own work: no level's
-        range has to do with it
-    margin: of a count of events, the metric of the same machine that is 0 where one happens, "" = none; it is
-        left out where none can happen
+    is_identity: whether it is about the program alone, as a balance is: it rests on no level
+    margin: of a count of events the metric that is 0 where one happens, left out where none can; "" = none
     """
 
     name: str
