@@ -36,9 +36,11 @@ Scope = Literal["machine", "field", "run"]
 
 # What the run itself counts.
 RUN_METRICS = (
-    Metric("real_time_factor", "", "simulated time / wall time", "Run", "higher", "", is_windowed=False, is_identity=True),
-    Metric("ray_count", "", "rays cast by all sensors", "Run", "", "rays cast", is_windowed=False, is_identity=True),
-)
+    Metric("real_time_factor", "", "simulated time / wall time", "Run", "higher", "",
+           is_windowed=False, is_identity=True),
+    Metric("ray_count", "", "rays cast by all sensors", "Run", "", "rays cast",
+           is_windowed=False, is_identity=True),
+)  # fmt: skip
 SENSOR_METRICS = (
     Metric("unmeasured_beam_share", "1", "share of the beams of replayed scans that ended where nothing was "
            "measured", "Run", "lower", "beams where nothing was measured", is_windowed=False),
