@@ -23,7 +23,7 @@ import swath
 from swath.commands.main import main
 from swath.documents.data_sheets import find_sheet
 from swath.documents.yaml_document import read_document
-from swath.scenario.scenario import scenario_names
+from swath.scenario.scenario import load_scenario, scenario_names
 from swath.scenario.slots import CATALOGUE
 
 DOCS = Path(__file__).parents[1]
@@ -60,7 +60,7 @@ has the replays themselves.
 
 """
 ENTRY = """## {name}
-{summary}.{limits}
+{summary}.{limits}{shown}
 
 ![{name}, as replay.html shows it](../figures/gallery/{name}.webp)
 
@@ -129,6 +129,14 @@ def drawn(name: str, folder: Path) -> Any:
         return picture_of(page)
 
 
+def specialities(name: str) -> str:
+    """What takes away what a scenario is there to show, and the limit that then moves, a line each."""
+    limits = [(e.name, e.limit.speciality) for e in load_scenario(name).expect]
+    shown = [(limit, own, " ".join(f"--set {text}" for text in own.without)) for limit, own in limits if own]
+    return "".join(f"\n`{sets}` takes away what it shows: `{limit}` moves by {own.by:g} or more."
+                   for limit, own, sets in shown)  # fmt: skip
+
+
 def gallery(names: list[str]) -> None:
     """A picture of every scenario, and the page."""
     GALLERY.mkdir(parents=True, exist_ok=True)
@@ -140,7 +148,8 @@ def gallery(names: list[str]) -> None:
             data = read_document(find_sheet("scenarios", name)).data
             limits = ", ".join(f"`{limit}`" for limit in data.get("expect", {}))
             summary = data["summary"][0].upper() + data["summary"][1:]
-            text += ENTRY.format(name=name, summary=summary, limits=f" Limits on {limits}." if limits else "")
+            limits = f" Limits on {limits}." if limits else ""
+            text += ENTRY.format(name=name, summary=summary, limits=limits, shown=specialities(name))
     (DOCS / "reference" / "gallery.md").write_text(text.rstrip() + "\n", encoding="utf-8")
 
 

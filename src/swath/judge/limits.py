@@ -44,8 +44,7 @@ def entry_of(expected: Expectation, outcomes: Sequence[Outcome], *, is_trial: bo
     if not outcomes:
         kind = limit.after or limit.before
         reason = f"the window never opened: there was no event {kind}"
-    plain = {key: v for key, v in limit.plain().items() if key not in limit.window}
-    entry: dict[str, Any] = {"subject": expected.subject, "name": expected.name, "limit": plain}
+    entry: dict[str, Any] = {"subject": expected.subject, "name": expected.name, "limit": limit.rule}
     if limit.window:
         entry["window"] = limit.window
     failed = "not measured" if is_trial and reason in (NOTHING, NO_SAMPLE) else "fail"

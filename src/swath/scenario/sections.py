@@ -126,6 +126,20 @@ class Bounds(Section):
 
 
 Distance = Annotated[float, Field(ge=0, le=1e6)]
+WINDOW = "from_m", "to_m", "from_s", "to_s", "after", "before", "within_m", "within_s"  # keys of a limit
+
+
+class Speciality(Section):
+    """What a limit of an example is there to show: without it the limit's value is another one."""
+
+    without: Annotated[
+        list[Annotated[str, Field(pattern=r"^[^=\s]+=.+$")]],
+        Field(min_length=1, description="changes that take it away, as `--set` takes them"),
+    ]
+    by: Annotated[float, Field(gt=0, description="least change of the limit's value that they make")]
+    run_m: Annotated[
+        float, Field(gt=0, le=20, description="both are driven so far: `--set run.distance_m` [m]")
+    ] = 20.0
 
 
 class Limit(Bounds):
@@ -159,6 +173,9 @@ class Limit(Bounds):
     within_s: Annotated[
         Distance | None, Field(description="how long before or after the event the window lasts [s]")
     ] = None
+    speciality: Annotated[
+        Speciality | None, Field(description="what an example is there to show, and how to take it away")
+    ] = None
 
     @model_validator(mode="after")
     def _has_a_window(self) -> "Limit":
@@ -187,8 +204,12 @@ class Limit(Bounds):
     @property
     def window(self) -> dict[str, Any]:
         """The keys of the window that are set."""
-        keys = ("from_m", "to_m", "from_s", "to_s", "after", "before", "within_m", "within_s")
-        return {key: value for key, value in self.plain().items() if key in keys}
+        return {key: value for key, value in self.plain().items() if key in WINDOW}
+
+    @property
+    def rule(self) -> dict[str, Any]:
+        """The keys that are set of what has to hold in the window."""
+        return {k: v for k, v in self.plain().items() if k not in (*WINDOW, "speciality")}
 
 
 class StartAlongEdge(Section):

@@ -86,9 +86,8 @@ class PresentLimits:
         limit = None if "window" in entry or "hold" in entry["limit"] else self._limit_of(entry)
         if limit is None:
             return entry
-        plain = {k: v for k, v in limit.plain().items() if k not in limit.window}
         kept = {k: v for k, v in entry.items() if k not in ("result", "reason")}
-        return {**kept, "limit": plain, **_checked(limit, entry["value"])}
+        return {**kept, "limit": limit.rule, **_checked(limit, entry["value"])}
 
     def _limit_of(self, entry: dict[str, Any]) -> Limit | None:
         """The limit on a metric of the whole run; None where it is of another kind."""
