@@ -29,6 +29,7 @@ GROUPS = (
     "Header height",
     "Crop and engine",
     "Unloading",
+    "Pictures",
     "Run",
 )
 REGISTRY = Registry({KIND: ("swath.judge.evaluators",)})
