@@ -15,12 +15,13 @@ from swath.runtime.job import run_unrecorded
 from swath.scenario.scenario import load_scenario
 
 SOURCES = (0.6, 2.4)  # usual, and the most that is given [g/kg]
-WAY = 24.0  # [m]
+WAY, WIND = 24.0, 3.0  # [m], [m/s]
 
 
 def availability(grams: float, azimuth: float) -> tuple[float, float]:
     """Share of samples with an edge, and way driven [m]."""
     sets = [f"combine.dust.grams_per_kg={grams}", f"field.weather.wind_azimuth_deg={azimuth:g}"]
+    sets += [f"field.weather.wind_m_s={WIND:g}", "run.max_duration_s=24"]
     told = run_unrecorded(load_scenario("drifting-dust", sets=[*sets, f"run.distance_m={WAY:g}"]))
     return told["detection_availability"], told["distance_m"]
 
