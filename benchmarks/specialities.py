@@ -124,7 +124,9 @@ def main() -> int:
             flush=True,
         )
         if args.keep:
-            lines = (f"{json.dumps(one.key)}: {json.dumps(kept[one.key])}" for one in known if one.key in kept)
+            lines = (
+                f"{json.dumps(one.key)}: {json.dumps(kept[one.key])}" for one in known if one.key in kept
+            )
             KEPT.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
     print(*faults, sep="\n")
     return 1 if faults else 0

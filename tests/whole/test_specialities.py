@@ -11,6 +11,12 @@ from swath.scenario.scenario import scenario_names
 
 EXAMPLES = examples()
 SHOWN = [one for name in EXAMPLES for one in shown(name)]
+QUICK = {
+    "camera-cab", "drifting-dust", "evening-camera", "fawn-at-dawn", "feed-rate", "gnss-lost", "record-run",
+}  # fmt: skip
+BY_COST = [
+    pytest.param(one, id=one.key, marks=() if one.example in QUICK else pytest.mark.draws) for one in SHOWN
+]
 
 
 def test_each_example_states_what_it_shows():
@@ -25,7 +31,7 @@ def test_by_is_what_was_measured_over_seeds():
     assert not any(faults), faults
 
 
-@pytest.mark.parametrize("one", SHOWN, ids=lambda one: one.key)
+@pytest.mark.parametrize("one", BY_COST)
 def test_the_limit_moves_without_it(one):
     as_shipped, without = values(one)
     assert math.isfinite(as_shipped)
