@@ -6,7 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.field_io.logs.frames import BACK, Axis
-from swath.record.read.channel_log import ChannelLog
+from swath.record.read.channel_log import POSITION_TYPE, ChannelLog
+from swath.record.read.fields import Context
+from swath.record.read.messages import maker_for
+from swath.signals import Fix
 from tests.readers.made_channels import (
     CHANNELS,
     COUNT,
@@ -169,6 +172,34 @@ def test_a_table_of_some_words_leaves_the_rest_as_it_is(tmp_path):
     moist = (raw, "%", T, {"conversion": {"val_0": 255, "text_0": "not available"}})
     made = _numbers(mf4(tmp_path / "log.mf4", group(Moisture=moist)), "Moisture [%]")
     np.testing.assert_array_equal(made, np.where(raw == 255, np.nan, 14.0))
+
+
+HEIGHT = 345.0 + 0.1 * np.arange(COUNT)
+
+
+@given(order=st.permutations(("Latitude", "Longitude", "Elevation")), apart=st.sets(st.integers(0, 2)),
+       unknown=st.integers(0, 40))  # fmt: skip
+@settings(max_examples=12)
+def test_a_position_has_the_height_of_its_own_time(tmp_path_factory, order, apart, unknown):
+    heights = (HEIGHT, "m", T, {"invalidation_bits": np.arange(COUNT) < unknown})
+    channels = {
+        **{name: (*CHANNELS[name], T, {}) for name in order if name in CHANNELS},
+        "Elevation": heights,
+    }
+    groups = [[name] for k, name in enumerate(order) if k in apart]
+    groups.append([name for k, name in enumerate(order) if k not in apart])
+    made = [group((), **{name: channels[name] for name in names}) for names in groups if names]
+    path = mf4(tmp_path_factory.mktemp("log") / "log.mf4", *made)
+    played = [*ChannelLog(opened(path)).messages(["position"])]
+    assert [t for _, t, _ in played] == [round(t * 1e9) for t in T]
+    told = np.array([message.altitude for *_, message in played])
+    np.testing.assert_array_equal(told, np.where(np.arange(COUNT) < unknown, np.nan, HEIGHT))
+    make = maker_for(Fix, POSITION_TYPE, Context(3.7))
+    fixes = [make(message, t) for _, t, message in played]
+    known = np.array([fix.z for fix in fixes])[unknown:]
+    np.testing.assert_allclose(known, HEIGHT[unknown:] - HEIGHT[unknown], atol=0.05)  # the Earth is round
+    assert np.isnan([fix.z for fix in fixes[:unknown]]).all()
+    np.testing.assert_allclose([fix.y for fix in fixes], 2.2241 * np.arange(COUNT), rtol=2e-4, atol=1e-6)
 
 
 def _numbers(path, name):

@@ -25,7 +25,6 @@ from swath.link.device import cola, lms, nmea, velodyne
 from swath.link.device.address import read_address
 from swath.link.device.output import PROTOCOLS, SENT
 from swath.link.device.wires import Events, Reader
-from swath.record.read.fixes import local_places
 from swath.sensing.mount import Mount
 from swath.signals import Fix, Scan
 from swath.signals.setup import LinkSetup
@@ -296,7 +295,7 @@ class _NmeaStream:
         if epoch.quality and math.isfinite(lon) and math.isfinite(lat):
             place = [math.degrees(lon), math.degrees(lat), epoch.height]
             places = np.array([place, [place[0], place[1] + STEP_DEG, epoch.height]])
-            here, there = local_places(self._to_local, places)
+            here, there = self._to_local(places)
             x, y, z = here.tolist()
             north = math.atan2(there[1] - y, there[0] - x)
         return Fix(

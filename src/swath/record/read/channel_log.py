@@ -4,7 +4,9 @@ Latitude and longitude, where the log has them, are also the topic POSITION of N
 """
 
 from collections.abc import Collection, Iterator
+from itertools import groupby
 from math import nan
+from operator import itemgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -72,13 +74,14 @@ class ChannelLog:
             for part, factor in self._chosen.of(name).items():
                 into.setdefault(part, []).append((name, factor * self._factors[name]))
         at: dict[str, float] = {}
-        for t, part, number in self._channels.samples(into) if into else ():
+        for t, of_t in groupby(self._channels.samples(into) if into else (), key=itemgetter(0)):
             found: list[tuple[str, Any]] = []
-            for name, factor in into[part]:
-                found.append((name, SimpleNamespace(data=number * factor)))
-                if name in place:
-                    at[place[name]] = number * factor
-            if {"lat", "lon"} <= at.keys():
+            for _, part, number in of_t:
+                for name, factor in into[part]:
+                    found.append((name, SimpleNamespace(data=number * factor)))
+                    if name in place:
+                        at[place[name]] = number * factor
+            if {"lat", "lon"} <= at.keys():  # with the elevation of their time, in any order
                 found.append((POSITION, _fix(at)))
                 at = {k: v for k, v in at.items() if k == "elevation"}
             for topic, message in found:

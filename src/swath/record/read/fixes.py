@@ -26,7 +26,8 @@ from swath.signals import F64, MachineState
 AXIS = 6_378_137.0  # semi-major axis of WGS 84 [m]
 FLATTENING = 1.0 / 298.257223563
 
-ToLocal = Callable[[F64], F64]  # (n, 3) longitude, latitude [deg], height [m] -> (n, 3) east, north, up [m]
+ToLocal = Callable[[F64], F64]
+"""Longitude, latitude [deg], height [m], (n, 3), as east, north, up [m], (n, 3); up nan where a height is."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,12 @@ class TangentPlane:
 
     def __call__(self, points: F64) -> F64:
         """Longitude, latitude [deg] and height [m], (n, 3), as east, north, up [m], (n, 3)."""
+        is_known = np.isfinite(points[:, 2])
+        points = np.column_stack([points[:, :2], np.where(is_known, points[:, 2], self.height)])
         away = _earth_centred(points) - _earth_centred(self._origin)
-        return np.asarray(product(away, self._axes.T))
+        local = np.asarray(product(away, self._axes.T))
+        local[~is_known, 2] = np.nan
+        return local
 
     @property
     def _origin(self) -> F64:
@@ -52,13 +57,6 @@ class TangentPlane:
         sl, cl = sin(radians(self.lon)), cos(radians(self.lon))
         sp, cp = sin(radians(self.lat)), cos(radians(self.lat))
         return np.array([[-sl, cl, 0.0], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]])
-
-
-def local_places(to_local: ToLocal, places: F64) -> F64:
-    """Places (n, 3) as `to_local` has them; z nan where a height is not known."""
-    local = np.array(to_local(np.column_stack([places[:, :2], np.nan_to_num(places[:, 2])])))
-    local[~np.isfinite(places[:, 2]), 2] = np.nan
-    return local
 
 
 def field_plane(folder: Path) -> ToLocal:

@@ -8,7 +8,7 @@ import numpy as np
 
 from swath.record.message_factory import UNKNOWN
 from swath.record.read.fields import Context, Maker, Makers
-from swath.record.read.fixes import TangentPlane, has_fix, local_places, place_of
+from swath.record.read.fixes import TangentPlane, has_fix, place_of
 from swath.signals import FIX_QUALITIES, Fix, Inertial
 
 # Horizontal sd up to which a position is called so [m]
@@ -25,15 +25,14 @@ class FixOfNavSat:
 
     def __init__(self, context: Context) -> None:
         self._to_local, self._note = context.to_local, context.note
+        self._origin: tuple[float, float, float] | None = None  # where the context has none
 
     def __call__(self, message: Any, t: int) -> Fix:
         """One sample; a height that is not known is nan."""
         place = np.array([place_of(message)])
         if not has_fix(message):
             return Fix(t, nan, nan, nan, nan, nan, nan, nan, nan, 0)
-        if self._to_local is None:
-            self._to_local = TangentPlane(*np.nan_to_num(place[0]).tolist())
-        x, y, z = (float(v) for v in local_places(self._to_local, place)[0])
+        x, y, z = (float(v) for v in (self._to_local or self._own_plane(*place[0].tolist()))(place)[0])
         wide = high = nan
         if message.position_covariance_type > 0:
             wide, high = _sd(message.position_covariance[::4])
@@ -43,6 +42,12 @@ class FixOfNavSat:
         earth = radians(place[0, 0]), radians(place[0, 1]), float(place[0, 2])
         quality = max(FIX_QUALITIES.index(claimed), FIX_QUALITIES.index(called(wide)))
         return Fix(t, x, y, z, nan, nan, wide, high, nan, quality, *earth)
+
+    def _own_plane(self, lon: float, lat: float, up: float) -> TangentPlane:
+        """At the first position, in the first height that is known."""
+        lon, lat, height = self._origin or (lon, lat, nan)
+        self._origin = lon, lat, height if isfinite(height) else up
+        return TangentPlane(lon, lat, float(np.nan_to_num(self._origin[2])))
 
 
 def called(sd: float) -> str:
