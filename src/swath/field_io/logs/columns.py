@@ -205,6 +205,17 @@ AG_LEADER_2000 = tuple({"Header status": "Header position"}.get(name, name) for 
 """Raw files of the Yield Monitor 2000, where the header is Up or Down, with other units: an example at
 http://adamchukpa.mcgill.ca/web_ssm/web_yield.html."""
 
+
+def _composed(things: str, words: str) -> str:
+    """Names of two words in either order: `combineid`, `idcombine`."""
+    pairs = [(a, b) for a in things.split() for b in words.split()]
+    return " ".join([a + b for a, b in pairs] + [b + a for a, b in pairs])
+
+
+_MACHINE = "machine vehicle combine harvester maschine maschinen fahrzeug maehdrescher moissonneuse"
+_NUMBER = "id no nr num number nummer numero"
+_SERIAL = "serial serialno serialnr serialnum serialnumber seriennummer seriennr sn"
+
 _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
     "lat": ("deg", (
         "lat latitude gpslat gpslatitude",
@@ -222,8 +233,8 @@ _USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
         " gpshoehe gpsalt gpsaltitude gpselevation",
     )),
     "machine": ("text", (
-        "machine machineid vehicle vehicleid combine harvester maschine maehdrescher moissonneuse",
-        "serial serialno serialnumber machineserial machineserialno machineserialnumber seriennummer",
+        f"{_MACHINE} {_composed(_MACHINE, _NUMBER)}",
+        f"{_composed(_MACHINE, _SERIAL)} {_SERIAL.removesuffix(' sn')}",
     )),
     "crop": ("text", (
         "crop cropname croptype grain graintype commodity fruchtart frucht kultur culture espece", "product",
