@@ -2,6 +2,7 @@
 
 import random
 import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -68,6 +69,55 @@ def test_objects_that_the_head_counts_and_that_are_not_there_are_told(tmp_path):
     struct.pack_into("<L", data, at, 4 * COUNT)
     path.write_bytes(data)
     assert read(path).notes == ["lost: 1 200 objects are stated, 900 are there (300)"]
+
+
+HEAD_AT = struct.Struct("<4sHHLL")
+
+
+def packed(data, kind, at_once):
+    """The objects of a BLF file as containers of `at_once` bytes, packed or not."""
+    head = struct.unpack_from("<L", data, 4)[0]
+    inner, at = b"", head
+    while at < len(data):
+        size = HEAD_AT.unpack_from(data, at)[3]
+        inner += zlib.decompress(data[at + 32 : at + size])
+        at += size + size % 4
+    return data[:head], inner, lambda whole: b"".join(
+        HEAD_AT.pack(b"LOBJ", 16, 1, 32 + len(part), 10) + struct.pack("<H6xL4x", kind, len(made)) + part
+        + bytes(len(part) % 4)
+        for made in (whole[k : k + at_once] for k in range(0, len(whole), at_once))
+        for part in [zlib.compress(made) if kind else made]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [0, 2])
+@pytest.mark.parametrize("size", [0, 1, 15, 20, 1 << 20, 0xFFFFFFFF])
+def test_an_object_of_no_such_size_is_damage_and_the_others_are_read(tmp_path, size, kind):
+    path = blf(tmp_path / "log.blf", frames())
+    for seed, at_once in enumerate((57, 1000, 1 << 17)):
+        head, inner, contained = packed(blf(path, frames()).read_bytes(), kind, at_once)
+        starts = [k for k in range(len(inner)) if inner.startswith(b"LOBJ", k)]
+        at = starts[random.Random(seed).randrange(1, len(starts) - 1)]
+        path.write_bytes(head + contained(inner))
+        assert (read(path).notes, read(path).rows) == ([], COUNT)
+        path.write_bytes(head + contained(inner[: at + 8] + struct.pack("<L", size) + inner[at + 12 :]))
+        found = read(path)
+        assert "damaged" in found.doubts
+        if size != 1 << 20:
+            assert found.rows >= COUNT - 1
+            assert np.isfinite(found.flow).sum() >= COUNT - 3
+
+
+def test_what_follows_no_object_is_not_read_and_that_is_told(tmp_path):
+    path = blf(tmp_path / "log.blf", frames())
+    head, inner, contained = packed(path.read_bytes(), 2, 8000)
+    whole = contained(inner)
+    at = whole.index(b"LOBJ", len(whole) // 2)
+    for broken in (b"LOBJ\x10\0\1\0" + bytes(8), b"JUNK" + bytes(28)):
+        path.write_bytes(head + whole[:at] + broken + whole[at:])
+        found = read(path)
+        assert found.doubts[0] == "damaged"
+        assert COUNT // 3 < found.rows < COUNT
 
 
 def test_events_that_are_no_frames_are_no_doubt(tmp_path):

@@ -2,11 +2,11 @@
 
 import os
 import re
+import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from io import TextIOWrapper
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,10 @@ BACK = NS  # ns by which a stamp falls behind the one before where a clock began
 BEGINS_AGAIN = "stamps fall back, as of a clock that began again or was set: what follows is put 1 s behind"
 WHOLE_S = 1.0  # s: heads of ASC files may say whole seconds
 MANY = 0.01  # of the records of a file: what is worth a note
+OBJECT = struct.Struct("<4sHHLL")  # head of an object in BLF: LOBJ, its size, version, size of all, type
+CONTAINER, PACKED, PACKING = 10, 2, 16  # type of object, a way of packing, bytes before what is packed
+PADDING = 3  # bytes behind an object, at most
+LARGEST = 1 << 24  # bytes of an object; frames of Ethernet take 64 kB; estimated
 _HEAD = re.compile(
     r"(date|begin\s+triggerblock)\s+\w+\s+(?P<date>.+)|(?P<end>end\s+triggerblock)|//.*"
     r"|base\s+(?P<base>hex|dec)(\s+timestamps\s+(?P<stamps>absolute|relative))?"
@@ -196,22 +200,21 @@ def _in_blf(file: Any, tell: Tell) -> Iterator[tuple[float, Any]]:
     """Messages of a BLF file and when they were [s]."""
     with Extra("can", "reading frames"):
         import can
-        from can.io import blf
-    vars(blf).update(zlib=SimpleNamespace(**{**vars(zlib), "decompressobj": _Bounded}))
 
     size = os.fstat(file.fileno()).st_size
-    reader, read, objects = can.BLFReader(file), 0, 0
-    parsed = reader._parse_data
-
-    def counted(data: bytes) -> Any:
-        nonlocal objects
-        objects += _objects(data)
-        return parsed(data)
-
-    vars(reader).update(_parse_data=counted)
-    for m in reader:
-        read += 1
-        yield m.timestamp - (reader.start_timestamp or 0.0), m
+    reader, read, objects, damaged = can.BLFReader(file), 0, 0, 0
+    parsed: Any = reader._parse_data
+    for one in _objects(_containers(file, tell)):
+        try:
+            objects += bool(one)
+            damaged += not one
+            for m in parsed(one):
+                read += 1
+                yield m.timestamp - (reader.start_timestamp or 0.0), m
+        except struct.error:  # shorter than what its type has
+            damaged += 1
+    if damaged:
+        tell("damaged: objects that cannot be read", damaged)
     stated = reader.object_count
     if reader.file_size > size:
         tell(
@@ -226,23 +229,48 @@ def _in_blf(file: Any, tell: Tell) -> Iterator[tuple[float, Any]]:
         tell("unused: objects that are no frames", objects - read)
 
 
-def _objects(data: bytes) -> int:
-    """Whole objects in what a container holds."""
-    count = at = 0
-    while (at := data.find(b"LOBJ", at, at + 8)) >= 0 and at + 16 <= len(data):
-        at += max(int.from_bytes(data[at + 8 : at + 12], "little"), 16)
-        count += at <= len(data)
-    return count
+def _containers(file: Any, tell: Tell) -> Iterator[bytes]:
+    """What the containers of a BLF file hold."""
+    while len(head := file.read(OBJECT.size)) == OBJECT.size:
+        signature, _, _, size, kind = OBJECT.unpack(head)
+        if signature != b"LOBJ" or size < OBJECT.size:
+            tell("damaged: the file cannot be read further than an object that is none", 1)
+            return
+        body = file.read(size - OBJECT.size)
+        file.read(size % 4)
+        if kind == CONTAINER:
+            data = body[PACKING:]
+            yield _unpacked(data) if int.from_bytes(body[:2], "little") == PACKED else data
 
 
-class _Bounded:
-    """What unpacks a container of a BLF file, no further than an honest one."""
+def _objects(containers: Iterable[bytes]) -> Iterator[bytes]:
+    """The whole objects in containers, one of which may go on in the next; b"" for what is none."""
+    rest, is_lost, since = b"", False, 0
+    for data in containers:
+        rest, at, since = rest + data, 0, since + len(data)
+        while (found := rest.find(b"LOBJ", at)) >= 0 and found + OBJECT.size <= len(rest):
+            size = int.from_bytes(rest[found + 8 : found + 12], "little")
+            is_one = OBJECT.size <= size <= LARGEST
+            if is_one and found + size > len(rest):
+                break
+            if not is_lost and (not is_one or found > at + PADDING):
+                yield b""
+            if is_one:
+                since = 0
+                yield rest[found : found + size]
+            is_lost, at = not is_one, found + (size if is_one else 1)
+        at = max(at, found if found >= 0 else len(rest) - 2 * PADDING)
+        rest = rest[at:]
+        if since > 2 * LARGEST:
+            break
+    if len(rest) > PADDING and not is_lost:
+        yield b""
 
-    @staticmethod
-    def decompress(data: bytes) -> bytes:
-        """As of `zlib.decompressobj`. ValueError for one that holds more than its size can."""
-        unpacking, most = zlib.decompressobj(), most_unpacked(len(data))
-        found = unpacking.decompress(data, most)
-        if unpacking.unconsumed_tail:
-            raise ValueError(f"a container of {len(data)} bytes unpacks to more than {most}")
-        return found
+
+def _unpacked(data: bytes) -> bytes:
+    """What a container holds. ValueError for one that holds more than its size can."""
+    unpacking, most = zlib.decompressobj(), most_unpacked(len(data))
+    found = unpacking.decompress(data, most)
+    if unpacking.unconsumed_tail:
+        raise ValueError(f"a container of {len(data)} bytes unpacks to more than {most}")
+    return found
