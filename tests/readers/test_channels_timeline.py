@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from swath.core.errors import InputError
 from swath.field_io.logs.frames import BACK, Axis
+from swath.field_io.logs.log import read_log
 from swath.record.read.channel_log import POSITION_TYPE, ChannelLog
 from swath.record.read.fields import Context
 from swath.record.read.messages import maker_for
@@ -172,6 +174,33 @@ def test_a_table_of_some_words_leaves_the_rest_as_it_is(tmp_path):
     moist = (raw, "%", T, {"conversion": {"val_0": 255, "text_0": "not available"}})
     made = _numbers(mf4(tmp_path / "log.mf4", group(Moisture=moist)), "Moisture [%]")
     np.testing.assert_array_equal(made, np.where(raw == 255, np.nan, 14.0))
+
+
+@pytest.mark.parametrize("form", ["u1", "u2", "f4"])
+@pytest.mark.parametrize("table", [
+    {"val_0": 77, "text_0": "not available"},
+    {"lower_0": 70, "upper_0": 80, "text_0": "error"},
+], ids=["value", "range"])  # fmt: skip
+def test_raw_numbers_of_a_table_of_words_are_told_once_they_have_a_unit(tmp_path, form, table):
+    raw = np.where(np.arange(COUNT) % 5 == 0, 77, 14).astype(form)
+    for unit, words in (("%", table), ("", table), ("%", {**table, "default_addr": {"a": 1.0, "b": 0.0}})):
+        moist = (raw, unit, T, {"conversion": words})
+        path = mf4(tmp_path / "log.mf4", group(Moisture=moist))
+        log = opened(path)
+        values = np.concatenate([v for name, _, v in log.blocks(["Moisture"])])
+        np.testing.assert_array_equal(values, np.where(raw == 77, np.nan, 14.0))
+        note = "unit: Moisture: raw numbers without a conversion, taken as %"
+        is_told = unit == "%" and "default_addr" not in words
+        assert log.notes.get(note) == (COUNT - COUNT // 5 if is_told else None)
+
+
+@pytest.mark.parametrize(("flow", "is_crop"), [(75.0, True), (110.0, True), (160.0, False), (5400.0, False)])
+def test_a_flow_that_is_none_of_grain_is_forage_only_where_it_can_be(tmp_path, flow, is_crop):
+    path = mf4(tmp_path / "log.mf4", group(GrainFlow=(FLOW * flow / 5.0, "kg/s", T, {})))
+    with pytest.raises(InputError) as error:
+        read_log(path)
+    assert error.value.key == "plausible"
+    assert ("forage" in str(error.value), "--columns" in str(error.value)) == (is_crop, not is_crop)
 
 
 HEIGHT = 345.0 + 0.1 * np.arange(COUNT)

@@ -247,12 +247,14 @@ class Mf4:
         parts = [
             mdf.iter_get(group=group, index=k, samples_only=True, raw=True) for _, k in channels.values()
         ]
-        words: dict[str, int] = Counter()
+        words, raws = Counter[str](), Counter[str]()
         for t, *signals in zip(self._about.times(mdf, group), *parts, strict=True):
             known, rows = t <= LATEST, []
             for name, (raw, invalid) in zip(channels, signals, strict=True):
-                values, is_word = _numbers(raw, mdf.groups[group].channels[channels[name][1]].conversion)
+                conversion = mdf.groups[group].channels[channels[name][1]].conversion
+                values, is_word, is_raw = _numbers(raw, conversion)
                 words[name] += int(is_word.sum())
+                raws[name] += int(is_raw.sum())
                 if invalid is not None:
                     values[np.asarray(invalid, bool)] = np.nan
                 rows.append((name, t[known], values[known]))
@@ -260,6 +262,9 @@ class Mf4:
         for name, count in words.items():
             if count:
                 self.notes[f"unused: {name} says words, not numbers"] = count
+        for name, count in raws.items():
+            if count and (unit := self.units[name]):
+                self.notes[f"unit: {name}: raw numbers without a conversion, taken as {unit}"] = count
 
 
 def _is_number(mdf: Any, group: int, index: int) -> bool:
@@ -267,18 +272,24 @@ def _is_number(mdf: Any, group: int, index: int) -> bool:
     return samples.dtype.kind in "biuf" and samples.ndim == 1
 
 
-def _numbers(raw: Any, conversion: Any) -> tuple[Array, NDArray[np.bool_]]:
-    """Raw values as the file turns them into numbers, and which it turns into words; those are nan.
+def _numbers(raw: Any, conversion: Any) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Raw values as the file turns them into numbers, which of them it turns into words, and which it leaves
+    as they are. Words are nan.
 
     A table of words without a word for the rest leaves that as it is, which asammdf calls an empty word.
     """
     made = raw if conversion is None else conversion.convert(raw, as_object=True)
+    none = np.zeros(len(raw), bool)
     if made.dtype.kind in "biuf":
-        return made.astype(float), np.zeros(len(raw), bool)
+        return made.astype(float), none, none
     has_rest = bool((conversion.referenced_blocks or {}).get("default_addr"))
-    values = [own if v == b"" and not has_rest else v for v, own in zip(made, raw.tolist(), strict=True)]
-    is_word = np.array([isinstance(v, bytes | str) for v in values], bool)
-    return np.array([np.nan if isinstance(v, bytes | str) else v for v in values], float), is_word
+    is_raw = none if has_rest else np.array([v == b"" for v in made], bool)
+    is_word = np.array([isinstance(v, bytes | str) for v in made], bool) & ~is_raw
+    values = np.full(len(raw), np.nan)
+    values[is_raw] = raw[is_raw]
+    is_made = ~is_word & ~is_raw
+    values[is_made] = made[is_made].astype(float)
+    return values, is_word, is_raw
 
 
 @dataclass(frozen=True)

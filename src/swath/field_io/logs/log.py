@@ -95,6 +95,8 @@ EVENLY = 0.9  # of the places held for as many records: with less they have few 
 MOST_HELD = 20.0  # records for which a place is held: 1 Hz in a log of 20 Hz
 MAP_WIDTH = 10.0  # m, where a map of yields holds no width of the header
 WHOLE_CROP_SHARE = 0.2  # of the rows with a flow: so many above what grain can be are no slips
+MOST_WHOLE_CROP = 150.0  # kg/s of a forage harvester: the largest are sold for 400 t/h (111 kg/s); estimated
+OUT_OF_RANGE = "grain_flow_out_of_range"
 
 
 @dataclass(frozen=True)
@@ -212,7 +214,7 @@ def read_log(
     notes += [note] if note else []
     broken = dict(table.broken)
     reasons = {**stand_ins, "other_crop": others, **_broken(places, values, found)}
-    _refuse_whole_crop(values["grain_flow"], path)
+    _refuse_no_grain(values, found, path)
     good = np.ones(len(lon_lat), dtype=bool)
     for reason, bad in reasons.items():
         broken[reason] = int((bad & good).sum())
@@ -773,16 +775,16 @@ def _sums(group: NDArray[np.int64], values: Array) -> Array:
     return np.asarray(np.bincount(group, values), dtype=float)[group]
 
 
-def _refuse_whole_crop(flow: Array, path: Path) -> None:
-    flowing = flow[flow > 0.0]
-    most = PLAUSIBLE["grain_flow"][1]
+def _refuse_no_grain(values: dict[str, Array], found: ColumnMap, path: Path) -> None:
+    """InputError where the flow is none of grain. values: in SI units."""
+    flow = values["grain_flow"]
+    flowing, most = flow[flow > 0.0], PLAUSIBLE["grain_flow"][1]
     if len(flowing) and (flowing > most).mean() > WHOLE_CROP_SHARE:
-        raise InputError(
-            "plausible",
-            f"flows of {num(np.median(flowing))} kg/s",
-            f"expected grain, at most {num(most)} kg/s: this crop is whole plants (forage)",
-            file=path,
-        )
+        middle = float(np.median(flowing))
+        is_crop = middle <= MOST_WHOLE_CROP
+        why = ": this crop is whole plants (forage)" if is_crop else _why(OUT_OF_RANGE, values, found)
+        expected = f"expected grain, at most {num(most)} kg/s{why}"
+        raise InputError("plausible", f"flows of {num(middle)} kg/s", expected, file=path)
 
 
 Limits = dict[str, tuple[float, float]]
