@@ -3,6 +3,7 @@ on earth and in any direction; right ones are read.
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from swath.field_io.logs.columns import Column
 from swath.field_io.logs.coordinates import in_degrees, numbers, place
 from swath.field_io.logs.log import read_log
 from swath.field_io.logs.table import read_table
+from swath.field_io.logs.witnesses import PLACES, Drive, Logged, place_pairs
 from tests.field.unit_logs import Harvest, shapes, table
 from tests.shared_data import DATA
 
@@ -125,6 +127,48 @@ def test_what_the_user_says_counts_and_the_doubt_is_told(tmp_path):
     assert read.epsg == utm_epsg(52.0, 9.0)
     told = next(note for note in read.notes if note.startswith("place:"))
     assert re.match(r"place: lat in deg, lon in deg, though .*passes lie 14\.", told)
+
+
+def round_the_field(rng, sides):
+    """Way [m], (n, 2), and whether it is in a turn: U-turns behind passes, corners behind rounds."""
+    step, radius, at, heading = 2.0, float(rng.uniform(4.0, 8.0)), np.zeros(2), float(rng.uniform(0, 360))
+    points, turning = [], []
+    for k in range(12):
+        for is_turn in (False, True):
+            count = round((np.pi if sides == 2 else np.pi / 2) * radius / step) if is_turn else 90
+            side = 1 if sides == 4 or k % 2 else -1
+            for _ in range(count):
+                heading += is_turn * side * (180.0 if sides == 2 else 90.0) / count
+                at = at + step * np.array([np.sin(np.radians(heading)), np.cos(np.radians(heading))])
+                points.append(at)
+                turning.append(is_turn)
+    return np.array(points), np.array(turning)
+
+
+@pytest.mark.parametrize("sides", [2, 4])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_speed_that_is_off_in_turns_says_nothing_about_places(seed, sides):
+    rng = np.random.default_rng(seed)
+    position, is_turn = round_the_field(rng, sides)
+    count = len(position)
+    drive = Drive((11.0, 48.0), np.arange(count - 1), np.arange(1, count), np.full(count - 1, 2.0))
+    columns = {"speed": Column("speed", "m/s"), "distance": Column("distance", "m")}
+
+    def told(of_turns, stretch):
+        """stretch: of the read positions, across their first pass"""
+        ahead = position[40] - position[20]
+        ahead = ahead / np.hypot(*ahead)
+        across = np.array([-ahead[1], ahead[0]])
+        read = position + np.outer(position @ across, across) * (stretch - 1.0)
+        moved = replace(drive, step=np.hypot(*np.diff(read, axis=0).T))
+        own = 2.0 * np.where(is_turn, of_turns, 1.0)
+        raw = {"speed": own, "distance": own}
+        log = Logged(columns, raw, np.arange(float(count)), ("s",), ~is_turn, None)
+        return [p for p in place_pairs(log, read, moved) if p.key == PLACES and not p.agrees]
+
+    for of_turns in (0.4, 1.0, 2.5):
+        assert told(of_turns, 1.0) == []
+        assert len(told(of_turns, 1.4)) == (2 if sides == 4 else 0)
 
 
 GRID = {"cm": (100.0, False), "km": (1e-3, False), "exchanged": (1.0, True), "exchanged, cm": (100.0, True)}

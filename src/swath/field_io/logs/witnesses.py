@@ -70,8 +70,9 @@ class Thresholds:
     Of agreement, derived:
     agrees: two measures of one thing; km/h and ft/s, the nearest of the units, lie 10 % apart
     alike: ratio of two units; where they are nearer, what contradicts one may have another cause
-    every_way: the way by the log over the way by positions, largest over smallest of all directions; 1.06 in
-    the logs above
+    every_way: the way by the log over the way by positions, largest over smallest of all directions of
+    passes, less 1; 0.06 in the logs above
+    straight: chord over way of a pass, along farthest_pass; a turn has 0.7 and less, estimated
     header_over_spacing: passes overlap by up to 30 %, and hardly leave anything between
 
     What can be in the middle of a harvest, estimated:
@@ -101,7 +102,8 @@ class Thresholds:
     least_regular: float = 0.6
     agrees: Range = (0.94, 1.065)
     alike: float = 1.25
-    every_way: Range = (1.1, 1.15)
+    every_way: Range = (0.1, 0.15)
+    straight: float = 0.85
     header_over_spacing: Range = (0.88, 1.45)
     speed: Range = (0.3, 6.0)
     header: Range = (1.2, 18.5)
@@ -295,8 +297,9 @@ def place_pairs(logged: Logged, position: Array, drive: Drive) -> list[Pair]:
         pairs += [_nearest(map(row, factors)) for row in rows]
     azimuth = np.degrees(np.arctan2(*(position[steps.after] - position[steps.here]).T))
     sector = np.round(azimuth / 45.0).astype(int) % 4  # of 45 degrees each: the unit does not matter
+    in_pass = _in_pass(position, steps)
     for key, length in _lengths(logged, steps).items():
-        over = np.where(length > 0.0, length / steps.step, np.nan)
+        over = np.where(in_pass & (length > 0.0), length / steps.step, np.nan)
         middles = [m for k in range(4) if (m := _median(over[sector == k])) > 0.0]
         if len(middles) > 1:
             spread, name = max(middles) / min(middles), logged.columns[key].column
@@ -310,6 +313,17 @@ def place_pairs(logged: Logged, position: Array, drive: Drive) -> list[Pair]:
             text = f"{logged.columns['course'].column} lies {num(beside)} deg beside the way"
             pairs.append(Pair(PLACES, text, beside, *AT.beside_deg))
     return [pair for pair in pairs if np.isfinite(pair.residual)]
+
+
+def _in_pass(position: Array, drive: Drive) -> Mask:
+    """Steps in the middle of a straight way that leads farther than to the next pass, shape (m,)."""
+    way = np.cumsum(drive.step)
+    reach = 0.5 * AT.farthest_pass
+    first = np.searchsorted(way, way - reach)
+    last = np.minimum(np.searchsorted(way, way + reach), len(way) - 1)
+    chord = np.hypot(*(position[drive.after[last]] - position[drive.here[first]]).T)
+    along = way[last] - way[first] + drive.step[first]
+    return np.asarray((chord > AT.straight * along) & (AT.straight * chord < along))
 
 
 def level_pairs(
