@@ -1,9 +1,11 @@
 """Level `device`: what a sensor sends fills a slot; and level `agopengps`: what AgOpenGPS sends steers."""
 
 import math
+import re
 import socket
 import threading
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from swath.core.schedule import NS
 from swath.field.maps.projection import origin_at
 from swath.link.device import cola, lms, nmea, pgn, velodyne
 from swath.link.levels import agopengps
-from swath.link.levels.device import DRIFT, DeviceClock, DeviceSlot, Params
+from swath.link.levels.device import DRIFT, DeviceClock, DeviceSlot, Params, _NmeaStream
 from swath.machine.machine_sheet import load_machine
 from swath.sensing.mount import Mount
 from swath.signals import Fix, Odometry, Scan, SteerCommand
@@ -207,6 +209,19 @@ def test_sentences_that_come_late_or_broken_are_left_out_and_told(monkeypatch):
     assert "timeline: positions that came late and were left out (2)" in notes
     assert "damaged: lines that were no sentence (2)" in notes
     assert "4 samples from nmea" in notes  # the first two came before the run began
+
+
+def test_fixes_that_no_machine_reaches_are_told_at_the_door_and_stay_as_they_are():
+    stream = _NmeaStream(None, setup("gnss", Fix))
+    begun, lats = nmea.utc_of(nmea.BEGUN), []
+    for k in range(60):
+        lats.append(math.radians(52.0 + 1e-6 * k + (k % 10 == 5) / 60.0))
+        fix = replace(drawn_fix(0, np.random.default_rng(1)), t=k * NS // 10, latitude=lats[-1],
+                      longitude=math.radians(10.9), height=80.0, quality=4, speed=1.1)  # fmt: skip
+        for made in stream.feed(nmea.sentences(fix, ("GGA", "VTG"), begun, 0.0), fix.t):
+            assert min(abs(lat - made.latitude) for lat in lats) < 1e-10
+    (told,) = [note for note in stream.notes if note.startswith("place:")]
+    assert re.match(r"place: positions that lie up to 1,85\d\.\d m farther .*\(6\)$", told)
 
 
 def test_a_device_s_clock_is_put_onto_the_run_s_by_the_quickest_arrival():

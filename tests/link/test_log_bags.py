@@ -25,6 +25,7 @@ from tests.bags import (
     SECONDS,
     SPEED,
     START,
+    Bag,
     on_earth,
     place_at,
     ranges_at,
@@ -315,6 +316,22 @@ def test_a_plain_storage_file_and_a_folder_without_metadata(bags, tmp_path):
     played = play(part, 20.0)
     assert 10 < len(played) < 501
     assert any("recording broke off after" in n for n in part.notes)
+
+
+@pytest.mark.parametrize("topics", [{"gnss": {"fix": "/fix"}}, {"motion": {"state": "/fix"}}])
+@pytest.mark.parametrize("far", [0.0, 1850.0])
+def test_positions_out_of_reach_are_told_and_played_as_they_are(tmp_path, topics, far):
+    bag = Bag(tmp_path / "drive.bag", "rosbag1")
+    for k in range(60):
+        bag.write("/fix", 0.2 * k, bag.fix(0.2 * k, (0.4 * k, far * (k % 10 == 5), 3.9)))
+    bag.close()
+    ((slot, of_slot),) = topics.items()
+    part = player(tmp_path / "drive.bag", slot, of_slot, rate_hz=5.0)
+    played = [next(iter(outputs.values())) for _, outputs in play(part, 15.0, 5.0) if outputs]
+    side = [s.y if slot == "gnss" else s.pose.position[1] for s in played]
+    assert np.ptp(side) == pytest.approx(far, rel=1e-3, abs=0.01)
+    told = [note for note in part.notes if "place: positions that lie" in note]
+    assert [note.rpartition("(")[2] for note in told] == (["6)"] if far else [])
 
 
 def test_begin_and_end_of_a_bag(bags):

@@ -4,12 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from swath.core.frames import Pose
+from swath.documents.reasons import key_of
 from swath.field.maps.projection import Origin
 from swath.record.read.fields import Context
+from swath.record.read.leaps import Leaps
 from swath.record.read.messages import maker_for
 from swath.record.recorder import Recorder
 from swath.record.tracks import read_tracks
@@ -136,6 +140,45 @@ def test_samples_come_back_from_the_messages(tmp_path):
         "quality",
     ):
         assert getattr(made, name) == pytest.approx(getattr(samples[0], name)), name
+
+
+@given(st.integers(0, 10**6), st.sampled_from([0.1, 0.2, 1.0]), st.sampled_from([1, 2, 3, 4]), st.booleans())
+@settings(max_examples=40)
+def test_positions_out_of_reach_are_counted_and_no_others(seed, period, quality, has_speed):
+    rng = np.random.default_rng(seed)
+    count, t0 = 120, int(rng.integers(0, 10**6))
+    t = np.arange(count) * period
+    speed = np.clip(2.0 + np.cumsum(rng.normal(0.0, 0.3 * period**0.5, count)), 0.0, 6.0)
+    course = np.cumsum(rng.normal(0.0, 0.3, count) * period)
+    x, y = (np.cumsum(speed * part(course) * period) for part in (np.cos, np.sin))
+    spread = {1: 1.5, 2: 0.6, 3: 0.25, 4: 0.02}[quality]
+    x += rng.normal(0.0, spread, count)
+    bad = np.zeros(count, bool)
+    bad[rng.choice(np.arange(0, count - 2), 8, replace=False)] = True
+    bad[1:] &= ~bad[:-1]
+    far = float(rng.uniform(100.0, 5000.0))
+    leaps, good = Leaps(), Leaps()
+    for k in range(count):
+        own = speed[k] if has_speed else NAN
+        sample = Fix(round((t0 + t[k]) * NS), x[k], y[k], 0.0, own, NAN, NAN, NAN, NAN, quality)
+        assert good.take(k, sample) == (k, sample)
+        leaps.take(k, replace(sample, y=y[k] + far * bad[k]))
+    assert good.notes == {}
+    assert leaps.count == bad.sum()
+    ((note, times),) = leaps.notes.items()
+    assert times == bad.sum()
+    assert far - 60.0 < leaps.farthest <= far + 10.0
+    assert key_of(note) == "place"
+
+
+def test_a_receiver_that_stays_where_it_leapt_to_is_told_once():
+    leaps = Leaps()
+    for k in range(40):
+        leaps.take(k, Fix(k * NS // 10, 0.2 * k, 0.8 * (k > 20), 0.0, 2.0, NAN, NAN, NAN, NAN, 4))
+    for k in range(40, 80):  # after a pause it may be anywhere that a machine reaches
+        leaps.take(k, Fix((k + 600) * NS // 10, 500.0 + 0.2 * k, 0.0, 0.0, 2.0, NAN, NAN, NAN, NAN, 4))
+    assert leaps.count == 1
+    assert leaps.farthest < 0.8
 
 
 def test_columns_are_there_where_the_slot_is(tmp_path):

@@ -25,6 +25,7 @@ from swath.link.device import cola, lms, nmea, velodyne
 from swath.link.device.address import read_address
 from swath.link.device.output import PROTOCOLS, SENT
 from swath.link.device.wires import Events, Reader
+from swath.record.read.leaps import Leaps
 from swath.sensing.mount import Mount
 from swath.signals import Fix, Scan
 from swath.signals.setup import LinkSetup
@@ -267,7 +268,7 @@ class _NmeaStream:
         if setup.to_local is None:
             raise InputError("address", where.text, "expected a field that lies on Earth: set field.origin")
         self._to_local = setup.to_local
-        self._listener = nmea.Listener()
+        self._listener, self._leaps = nmea.Listener(), Leaps()
         self._clock = DeviceClock(DAY_S * NS)
         self._newest: float | None = None  # second of the day
         self._late = 0
@@ -277,7 +278,7 @@ class _NmeaStream:
         """What was wrong, or not said."""
         counts = (("damaged: lines that were no sentence", self._listener.wrong),
                   ("timeline: positions that came late and were left out", self._late),
-                  *self._listener.unknown.items())  # fmt: skip
+                  *self._listener.unknown.items(), *self._leaps.notes.items())  # fmt: skip
         return [f"{text} ({count})" for text, count in counts if count]
 
     def feed(self, data: bytes, arrived: int) -> Iterator[Fix]:
@@ -287,7 +288,9 @@ class _NmeaStream:
             if before is not None and 0.0 < (before - epoch.seconds) % DAY_S < LATE_S:
                 self._newest, self._late = before, self._late + 1
                 continue
-            yield self._fix(epoch, self._clock.of(round(epoch.seconds * NS), arrived))
+            fix = self._fix(epoch, self._clock.of(round(epoch.seconds * NS), arrived))
+            self._leaps.take(fix.t, fix)
+            yield fix
 
     def _fix(self, epoch: nmea.Epoch, t: int) -> Fix:
         lon, lat = epoch.longitude, epoch.latitude

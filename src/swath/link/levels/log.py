@@ -9,7 +9,7 @@ In which frame samples of somebody else's recording are is checked by what they 
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby, islice
+from itertools import groupby, islice, starmap
 from math import cos, hypot, isfinite, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -36,6 +36,7 @@ from swath.record.read.fields import Context, number_at
 from swath.record.read.files import Log, open_log
 from swath.record.read.fixes import TangentPlane, ToLocal, field_plane, read_fixes, states_of_fixes
 from swath.record.read.frames import GROUND, Links, frame_of, own_mounting, static_links, static_mounting
+from swath.record.read.leaps import Leaps
 from swath.record.read.messages import maker_for, message_names
 from swath.sensing.mount import Mount
 from swath.signals import F64, Fix, Image, Inertial, MachineState, Odometry, Scan, Signal
@@ -426,6 +427,7 @@ class LogPlayer:
         self._links, self._frame = self._tree()
         self._context = Context(setup.control.machine.wheelbase, local, self._links, machine)
         self._fixes: dict[str, list[Timed]] = {}
+        self._leaps: dict[str, Leaps] = {}
         self._demux: Demux | None = None
         self._told: list[str] = []
         self._lifts: dict[str, Lift] = {}
@@ -467,6 +469,8 @@ class LogPlayer:
                 text = f"timeline: {made.unordered_count} samples out of order were left out"
                 found.append(f"{name}.{source.port.name}: {text}")
         noted = {**self._context.notes, **self.log.notes}
+        for leaps in self._leaps.values():
+            noted |= leaps.notes
         return found + [f"{name}: {note} ({n})" for note, n in noted.items()]
 
     def reset(self, stream: Stream) -> Outputs:
@@ -662,6 +666,9 @@ class LogPlayer:
             records = self._of_one_frame(records) if source.port.signal in FRAMED else records
             made = ((t, make(message, t)) for _, t, message in records)
             samples = ((t, sample) for t, sample in made if sample is not None)
+        if not source.is_exact and (source.port.signal is Fix or self._types[source.topics[0]] == FIX):
+            leaps = self._leaps[source.port.name] = Leaps()
+            samples = starmap(leaps.take, samples)
         if self.params.clock == "stamp" and not source.is_exact:
             samples = ((sample.t, sample) for _, sample in samples)
         if source.port.signal is MachineState and self.params.start_s > 0:
