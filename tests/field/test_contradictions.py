@@ -7,8 +7,11 @@ pytest.importorskip("scipy")
 pytest.importorskip("rasterio")
 
 from swath.core.errors import InputError
+from swath.documents.reasons import doubts
 from swath.field_io.importer import import_log
+from swath.field_io.logs.columns import Column
 from swath.field_io.logs.log import read_log
+from swath.field_io.logs.witnesses import level_pairs
 from tests.field.unit_logs import ACRE, FT, LB, Harvest, table
 
 
@@ -80,3 +83,42 @@ def test_a_yield_beyond_those_of_the_crop_is_told(tmp_path, times, is_told):
     report = import_log(table(tmp_path / "log.csv", log), tmp_path / "field", progress=False)
     told = [note for note in report.notes if note.startswith("yield: ") and "usual of wheat" in note]
     assert bool(told) == is_told
+
+
+ORDERS = {
+    "passes": lambda h, rng: np.cumsum(np.diff(h.t, prepend=0.0) > 5.0) % 2 == 0,
+    "rows": lambda h, rng: np.arange(len(h)) % 2 == 0,
+    "shuffled": lambda h, rng: rng.random(len(h)) < 0.3,
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("units", [(10.0, 1e4), (1e4, 1e4 / LB * ACRE / 1e4), (10.0, ACRE / LB / 60)])
+def test_a_column_with_two_units_by_turns_is_told(tmp_path, order, units):
+    h = Harvest(seed=3)
+    is_other = ORDERS[order](h, np.random.default_rng(1))
+    grain = h.wet * np.where(is_other, *units[::-1])
+    raw = {"yield": grain, "moisture": 100 * h.moisture * h.one}
+    said = {key: Column(key, "1") for key in raw}
+    pairs = [p for p in level_pairs(said, raw, np.arange(len(h)) + 2) if not p.agrees]
+    apart = max(units) / min(units)
+    assert [p.key for p in pairs] == ["mixed"] * (apart > 8.0)
+    assert not any(p.contradicts for p in pairs)
+    if apart > 500.0:
+        bare = {k: v for k, v in columns(h).items() if k != "yield_t_ha"} | {"yield": grain}
+        assert "mixed" in doubts(read_log(table(tmp_path / "log.csv", bare)).notes)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_varies_in_one_unit_is_not_two_units(seed):
+    rng = np.random.default_rng(seed)
+    h = Harvest(seed=seed)
+    is_part = rng.random(len(h)) < 0.3
+    raw = {
+        "yield": 10 * h.wet * np.where(is_part, float(rng.uniform(0.15, 0.9)), 1.0),  # lodged, or wet places
+        "grain_flow": np.where(is_part, float(rng.uniform(0.001, 0.05)), h.flow),  # the sensor's own zero
+        "header_width": h.width * np.where(is_part, float(rng.choice([0.3048, 0.5, 0.75])), 1.0),
+        "speed": h.speed * np.where(is_part, 1 / 3.6, 1.0) * np.exp(rng.normal(0.0, 0.1, len(h))),
+    }
+    said = {key: Column(key, "1") for key in raw}
+    assert not [p.shown for p in level_pairs(said, raw, np.arange(len(h))) if not p.agrees]

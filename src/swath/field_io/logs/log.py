@@ -300,7 +300,7 @@ def _settled(
     plane = _plane(places.lon_lat)
     again = _copies(table, found, places.lon_lat, raw, machine)
     clock, day, unit, section, notes = _clock(table, found, machine, np.where(again[:, None], np.nan, plane))
-    judge(level_pairs({**found.beside, **found.columns}, raw, table.row_number), path)
+    notes += judge(level_pairs({**found.beside, **found.columns}, raw, table.row_number), path)
     moment = np.stack([machine, _occurrence(machine, section) if clock is None else clock + day], axis=1)
     other, in_middle = _joined(section, raw, moment, places.lon_lat, np.flatnonzero(~again))
     in_middle(places.lon_lat)

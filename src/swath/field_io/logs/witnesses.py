@@ -81,7 +81,8 @@ class Thresholds:
     driven: how far outside, as a ratio less 1, the mean of a log may be, stops and turns included
     beside_deg: of a course beside the way, by the grid's convergence and a compass; agrees, contradicts
     level, one_level: ratio less 1 of two levels of one column, and log by which they may miss that of two
-    units; most_turns: from one to the other, in the order of the rows
+    units, and the spreads of their logs each other; most_turns: from one to the other, in the order of the
+    rows; with more the levels lie at least `apart`, a ratio that no crop has from pass to pass
     even_moisture: 10th to 90th percentile over the median; 0.1 to 0.2 in the logs above, the
     flow 0.7
     as_flow: the same of the moisture over that of the flow; noted, refused
@@ -114,6 +115,7 @@ class Thresholds:
     level: float = 0.5
     one_level: float = 0.15
     most_turns: int = 6
+    apart: float = 8.0
     even_moisture: float = 0.35
     as_flow: Range = (1.0, 2.0)
     american: tuple[float, float, float, float] = (-170.0, -50.0, 24.0, 72.0)
@@ -329,7 +331,9 @@ def _in_pass(position: Array, drive: Drive) -> Mask:
 def level_pairs(
     columns: Mapping[str, Column], raw: Mapping[str, Array], row_number: Indices
 ) -> Iterator[Pair]:
-    """The rows of a column beside its others: the first ones in one unit, and others in another one."""
+    """The rows of a column beside its others: the first ones in one unit, and others in another one, or by
+    turns.
+    """
     for key in (*FLOWS, "speed", "header_width", "moisture", "elevation"):
         rows = np.flatnonzero(raw[key] > 0.0) if key in raw else np.zeros(0, dtype=int)
         if len(rows) < AT.fewest:
@@ -345,13 +349,23 @@ def level_pairs(
         sizes = np.log(list(UNITS[QUANTITIES[key]].values()))
         of_units = np.abs(np.subtract.outer(sizes, sizes) - (high - low)) < AT.one_level
         turns = np.flatnonzero(np.diff(is_high)) + 1
-        if of_units.any() and 0 < len(turns) <= AT.most_turns:
+        is_once = 0 < len(turns) <= AT.most_turns
+        low_spread, high_spread = (_log_spread(size[own]) for own in (~is_high, is_high))
+        is_by_turns = high - low > np.log(AT.apart) and abs(high_spread - low_spread) < AT.one_level
+        if of_units.any() and (is_once or is_by_turns):
             said = " and ".join(
                 f"{num(np.median(raw[key][own]))} in rows {row_number[own[0]]} to {row_number[own[-1]]}"
                 for own in np.split(rows, turns)[:2]
             )
-            text = f"{key}: {columns[key].column}: {said}"
-            yield Pair("mixed", text, gap, AT.level, AT.level, "one unit in a column")
+            text = f"{key}: {columns[key].column}: {said}" + ", and so on by turns" * (not is_once)
+            refused = AT.level if is_once else np.inf
+            yield Pair("mixed", text, gap, AT.level, refused, "one unit in a column")
+
+
+def _log_spread(size: Array) -> float:
+    """10th to 90th percentile of logarithms."""
+    low, high = np.percentile(size, [10.0, 90.0])
+    return float(high - low)
 
 
 def settle_units(
