@@ -86,6 +86,7 @@ FIRST = (  # kinds that come to all of it in the least time; the others are read
     "agopengps",
     "spread-table",
     "seen-people",
+    "own-code",
     "columns",
     "beams-csv",
     "test-told",
