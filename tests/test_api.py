@@ -36,7 +36,7 @@ def test_a_run_from_python(result):
     resolved = read_document(result.folder / "scenario.yaml").data
     assert resolved["machines"]["combine"]["lidar"]["sub_rays"] == 1
     assert repr(result).startswith("<run of straight, seed 5: ")
-    text = f"3 of 5 limits pass, 2 not measured, in {result.folder}>"
+    text = f"3 of 6 limits pass, 3 not measured, in {result.folder}>"
     assert repr(result).endswith(text)
 
 

@@ -34,7 +34,15 @@ def test_the_metrics_of_one_machine_stand_at_the_top():
     summary = make("combine", **{"field.real_time_factor": {"min": 1.5}, "combine.area_cut_m2": {"min": 1}})
     absent = {name for name in load_evaluators().metrics if name not in summary}
     groups = {load_evaluators().metrics[name].group for name in absent}
-    assert groups <= {"Safety", "Header height", "Crop and engine", "Unloading", "Positioning", "Passes"}
+    assert groups <= {
+        "Safety",
+        "Header height",
+        "Crop and engine",
+        "Unloading",
+        "Positioning",
+        "Passes",
+        "Pictures",
+    }
     assert summary["format"] == "swath summary 2"
     assert summary["real_time_factor"] == 2.0
     assert summary["unmeasured_beam_share"] == 0.25

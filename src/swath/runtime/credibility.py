@@ -16,7 +16,7 @@ quantity moves its metric at most (`core.registry.Beyond`), and it comes to the 
 far. What is broken by the event that ended the run is judged: it is why there is no more of the run.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf, isfinite
@@ -32,6 +32,7 @@ from swath.core.number_text import span
 from swath.core.packed_state import saved_type
 from swath.core.registry import OWN_LAW, Checked, KnownError
 from swath.core.schedule import NS
+from swath.core.signal import Signal, quantities
 from swath.core.units import rounded
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import HasEvents, HasSignals, Metric, SeesAll
@@ -489,7 +490,7 @@ def rests_on(world: World, catalogue: EvaluatorCatalogue, subject: str, name: st
         return set()
     nodes = {node.slot.name: node for node in world.graph.nodes}
     maker = catalogue.maker_of(name)
-    kinds = maker.SIGNALS if isinstance(maker, HasSignals) else None
+    kinds = maker.SIGNALS if isinstance(maker, HasSignals) else _with_column(nodes.values(), name)
     waiting = [
         slot
         for slot, node in nodes.items()
@@ -503,6 +504,15 @@ def rests_on(world: World, catalogue: EvaluatorCatalogue, subject: str, name: st
             found.add(slot)
             waiting += [source for source, _ in nodes[slot].wires.values()]
     return found
+
+
+def _with_column(nodes: Iterable[Any], name: str) -> tuple[type[Signal], ...] | None:
+    """Signals that are sent and of which a number is this column of the tracks; None where nobody says it."""
+    kinds = {port.signal for node in nodes for port in node.component.outputs}
+    return (
+        tuple(k for k in kinds if any(c.name == name for q in quantities(k).values() for c in q.tracks))
+        or None
+    )
 
 
 def _errors(world: World) -> Sequence[tuple[str, KnownError]]:
