@@ -3,8 +3,9 @@
 Least squares on what the levels `actuator` and `single_track` make of the log. Each resample of the passes
 takes one step of Gauss and Newton from the solution; the interval of a value is Student's t at passes - 1
 times the standard deviation over resamples, widened by sqrt(passes / (passes - 1)) for the few of them (Efron
-and Tibshirani 1993, An Introduction to the Bootstrap, 5.3). A value that the log does not show is left
-as it was.
+and Tibshirani 1993, An Introduction to the Bootstrap, 5.3), and by what the numbers that are held may be off.
+Of each of those is asked whether the log contradicts it (a score test). A value that the log does not show is
+left as it was, and the others are fitted again.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,6 +38,7 @@ Mask = NDArray[np.bool_]
 SETTLE = 3.0  # s: a stretch starts with wheels straight and tyres without slip, as the machine did not
 WINDOW = 10.0  # s: positions are compared over such times, place and heading at their start left free
 COARSEST = 0.05  # s between the steps of the motion
+FINEST = 0.025  # s between the parts of a command that goes in a straight line from record to record
 
 
 @dataclass(frozen=True)
@@ -49,24 +51,28 @@ class PathAlong:
     yaw: Array
 
 
-def run_steering(machine: MachineSheet, log: SteerLog) -> Array:
+def run_steering(machine: MachineSheet, log: SteerLog, *, lines: bool = False) -> Array:
     """Angle of the steered axle [rad] at every record, shape (n,), by the level `actuator`.
 
-    A command holds from its record to the next one.
+    A command holds from its record to the next one, or goes there in a straight line (`lines`).
     """
     level = REGISTRY.get("steering", "actuator")
     steering = level.component(level.params(), site_of(machine, 0.01))
     clock = np.round(log.time * NS).astype(np.int64).tolist()
     command, starts = log.command.tolist(), log.starts.tolist()
+    count = max(2, round(log.period / FINEST)) if lines else 1
     angle = np.empty(len(log))
     for i, begins in enumerate(starts):
         if begins:
             steering.reset(Stream(0, "log"))
             zero, before, angle[i] = clock[i], 0, 0.0
-        else:
-            t, given = clock[i] - zero, SteerCommand(before, command[i - 1], True)
-            angle[i] = steering.step(before, t - before, {"command": given})["steering"].angle
-            before = t
+            continue
+        t, change = clock[i] - zero, command[i] - command[i - 1] if lines else 0.0
+        edges = [before + (t - before) * k // count for k in range(count + 1)]
+        for k, (a, b) in enumerate(pairwise(edges)):
+            given = SteerCommand(a, command[i - 1] + (k + 0.5) / count * change, True)
+            angle[i] = steering.step(a, b - a, {"command": given})["steering"].angle
+        before = t
     return angle
 
 
@@ -159,6 +165,7 @@ CONFIDENCE = 0.95
 LEAST_EFFECT = 1e-6  # of a value on all of the log: below, the log does not show it
 UNSEEN = 0.25  # of its range: a standard error beyond that says that the log does not show the value
 ON_LIMIT = 0.1  # steps of the derivative: a value so near a limit lies on it
+HALVINGS = 6  # of what lies between the sheet's number and one that the log bounds on that side only
 RELAXATION = "tyres.front_relaxation_m", "tyres.rear_relaxation_m"
 OFFSET = "angle offset"  # of the logged angle, in deg: what the sensor shows driving straight
 
@@ -167,34 +174,44 @@ OFFSET = "angle offset"  # of the logged angle, in deg: what the sensor shows dr
 class Free:
     """A number that may be fitted: limits and step for its derivative in the unit of the sheet.
 
+    known: standard error of a sheet's number where the log does not tell it, estimated
     keys: of the sheet that go in proportion with it, itself first
     default: where the sheet has none
-    is_open: its limits are those of the sheet, no values: a fit that ends on one says that the log shows none
+    absent: the limit, +1 the upper or -1 the lower one, that means that the machine has no such effect
     """
 
     low: float
     high: float
     step: float
+    known: float
     keys: tuple[str, ...]
     default: float | None = None
-    is_open: bool = False
+    absent: int = 0
 
 
-def _free(key: str, low: float, high: float, step: float, default: float | None = None) -> tuple[str, Free]:
-    return key, Free(low, high, step, (key,), default)
+def _free(
+    key: str,
+    low: float,
+    high: float,
+    step: float,
+    known: float,
+    default: float | None = None,
+    absent: int = 0,
+) -> tuple[str, Free]:
+    return key, Free(low, high, step, known, (key,), default, absent)
 
 
 STEERING = dict([
-    _free("steering.dead_time_s", 0.0, 2.0, 0.01),
-    _free("steering.lag_s", 0.01, 3.0, 0.01),
-    _free("steering.rate_deg_s", 1.0, 100.0, 0.3),
-    _free("steering.dead_band_percent", 0.0, 30.0, 0.2),
+    _free("steering.dead_time_s", 0.0, 2.0, 0.01, 0.03),
+    _free("steering.lag_s", 0.01, 3.0, 0.01, 0.05),
+    _free("steering.rate_deg_s", 1.0, 100.0, 0.3, 4.0, absent=1),
+    _free("steering.dead_band_percent", 0.0, 30.0, 0.2, 2.0),
 ])  # fmt: skip
 MOTION = dict([
-    _free("tyres.understeer_deg_per_g", -8.0, 8.0, 0.1, default=0.0),
-    (RELAXATION[0], Free(0.05, 5.0, 0.05, RELAXATION, is_open=True)),
-    _free("tyres.stiffness_per_rad", 0.5, 20.0, 0.1),
-    _free("chassis.wheelbase_m", 0.5, 20.0, 0.02),
+    _free("tyres.understeer_deg_per_g", -8.0, 8.0, 0.1, 2.0, default=0.0),
+    (RELAXATION[0], Free(0.05, 5.0, 0.05, 0.3, RELAXATION, absent=-1)),
+    _free("tyres.stiffness_per_rad", 0.5, 10.0, 0.1, 1.0, absent=1),  # so stiff allows an understeer of 8
+    _free("chassis.wheelbase_m", 0.5, 20.0, 0.02, 0.1),
 ])  # fmt: skip
 USUAL = {
     "steering": ("steering.dead_time_s", "steering.lag_s", "steering.rate_deg_s"),
@@ -206,7 +223,7 @@ USUAL = {
 class FittedWith:
     """A fitted number.
 
-    low, high: of its 95 % interval
+    low, high: of its 95 % interval, without a limit on a side that the log does not bound
     is_seen: False where the log does not show it, the value is then the start and the interval without limits
     """
 
@@ -224,6 +241,7 @@ class PartFit:
     """One part, fitted. quantity: what it was fitted to, unit: of it; block_count: passes, or parts of them.
 
     rmse: of the machine as it was, as fitted, and predicted: each pass by the numbers fitted on the others
+    notes: which numbers lie on a limit, are bounded on one side, or hang on others that were not fitted
     measured, before, after: series in that unit, shape (n,), nan where nothing is compared
     """
 
@@ -233,28 +251,43 @@ class PartFit:
     fitted: tuple[FittedWith, ...]
     block_count: int
     rmse: tuple[float, float, float]
+    notes: tuple[str, ...]
     measured: Array
     before: Array
     after: Array
 
 
-def fit_steering(sheet: Sheet, log: SteerLog, keys: Sequence[str]) -> tuple[Sheet, PartFit]:
-    """Dead time, lag and rate of the steering by commands and angles of a log."""
+def fit_steering(
+    sheet: Sheet, log: SteerLog, keys: Sequence[str], adds: bool = False
+) -> tuple[Sheet, PartFit]:
+    """Dead time, lag and rate of the steering by commands and angles of a log.
+
+    adds: a number of the sheet that is not among the keys is fitted, too, where the log contradicts it
+    """
     counts = settled(log)
 
-    def series(machine: MachineSheet, offset: float) -> Array:
-        return run_steering(machine, log) / DEG + offset
+    def fitted(lines: bool) -> tuple[Sheet, PartFit]:
+        def series(machine: MachineSheet, offset: float) -> Array:
+            return run_steering(machine, log, lines=lines) / DEG + offset
 
-    part = _Part("steering", "steering angle", "deg", log, counts, log.angle / DEG, series)
+        part = _Part("steering", "steering angle", "deg", log, counts, log.angle / DEG, series)
+        late = 0.0 if lines else 0.5 * log.period
+        return part.fit(sheet, STEERING, keys, adds, ("steering.dead_time_s", starts), late)
+
     starts = [0.05, 0.15, 0.3, 0.6] if "steering.dead_time_s" in keys else []
-    return part.fit(sheet, {k: STEERING[k] for k in keys}, ("steering.dead_time_s", starts))
+    goes_on = np.count_nonzero(np.diff(log.command)) > 0.5 * len(log)
+    return min([fitted(lines) for lines in (False, True)[: 1 + goes_on]], key=lambda made: made[1].rmse[1])
 
 
 def fit_motion(
-    sheet: Sheet, log: SteerLog, keys: Sequence[str], on: str, antenna: tuple[float, float]
+    sheet: Sheet,
+    log: SteerLog,
+    keys: Sequence[str],
+    on: str,
+    antenna: tuple[float, float],
+    adds: bool = False,
 ) -> tuple[Sheet, PartFit]:
     """Understeer and relaxation of the tyres by angles and yaw rates, or positions (`on` = place)."""
-    free = {k: MOTION[k] for k in keys}
     if on == "yaw_rate":
 
         def rates(machine: MachineSheet, offset: float) -> Array:
@@ -271,7 +304,7 @@ def fit_motion(
 
         zero = np.zeros((len(log), 2))
         part = _Part("motion", "position", "cm", log, window >= 0, zero, errors)
-    return part.fit(sheet, free, ("", []))
+    return part.fit(sheet, MOTION, keys, adds)
 
 
 class _Part:
@@ -292,54 +325,159 @@ class _Part:
             raise InputError("log", self._count, expected)
 
     def fit(
-        self, sheet: Sheet, free: dict[str, Free], first: tuple[str, list[float]]
-    ) -> tuple[Sheet, PartFit]:
-        """Least squares over the keys and the offset. first: key whose start is searched, and where."""
-        least_squares, student = _scipy()
-        start = np.array([*(_number(sheet, k, f) for k, f in free.items()), 0.0])
-        low, high = np.array([*(_limits(sheet, f) for f in free.values()), (-5.0, 5.0)]).T
-        step = np.array([*(f.step for f in free.values()), 0.02])
+        self, sheet: Sheet, table: dict[str, Free], asked: Sequence[str], adds: bool,
+        first: tuple[str, list[float]] = ("", []), late: float = 0.0,
+    ) -> tuple[Sheet, PartFit]:  # fmt: skip
+        """Least squares over the asked keys and the offset.
+
+        A key that the log does not show goes back to the sheet, and the others are fitted again. A key held
+        at the sheet that the log contradicts is fitted, too (`adds`), or widens the intervals of the others.
+
+        first: key whose start is searched, and where; late: by how much its value may come out short
+        """
+        names = [*table, OFFSET]
+        start = np.array([*(_number(sheet, k, f) for k, f in table.items()), 0.0])
+        low, high = np.array([*(_limits(sheet, f) for f in table.values()), (-5.0, 5.0)]).T
+        low, high = np.minimum(low, start), np.maximum(high, start)
+        step, known = np.array([*((f.step, f.known) for f in table.values()), (0.02, 0.0)]).T
 
         def residual(values: Array) -> Array:
-            made = self._series(read_machine(_changed(sheet, free, values)), float(values[-1]))
+            made = self._series(read_machine(_changed(sheet, table, values)), float(values[-1]))
             return np.asarray((made - self._measured)[self._counts].reshape(-1))
 
-        began = start.clip(low, high)
+        absent = np.array([*(f.absent for f in table.values()), 0])
+        search = _Search(residual, low, high, step)
+        free = np.array([k in asked for k in names[:-1]] + [True])
+        at = np.where(free, start.clip(low, high), start)
         for value in first[1]:
-            tried = np.where([k == first[0] for k in (*free, OFFSET)], value, start).clip(low, high)
-            began = min(began, tried, key=lambda v: float((residual(v) ** 2).sum()))
-        at_start = residual(start)
-        # steps of the derivative are those of `Free`: the model is smooth on that scale only
-        found = least_squares(
-            residual, began, jac=lambda v: _jacobian(residual, v, step, low, high), bounds=(low, high),
-            x_scale=step, xtol=1e-5, ftol=1e-7, max_nfev=30,
-        ).x  # fmt: skip
-        residuals, jacobian = residual(found), _jacobian(residual, found, step, low, high)
-        error, predicted = self._bootstrap(jacobian, residuals)
-        seen = error < UNSEEN * (high - low)
-        is_open = np.array([*(f.is_open for f in free.values()), False])
-        seen &= ~is_open | ((found > low + ON_LIMIT * step) & (found < high - ON_LIMIT * step))
-        wide = float(student.ppf(0.5 + 0.5 * CONFIDENCE, self._count - 1)) * error
-        values = np.where(seen, found, start)
-        best = _changed(sheet, free, values)
-        names = [*free, OFFSET]
-        limits = np.where(seen, wide, np.inf)
+            tried = np.where([k == first[0] for k in names], value, at)
+            at = min(at, tried, key=lambda v: float((residual(v) ** 2).sum()))
+        notes: list[str] = []
+        gone, beyond = np.zeros((2, len(names)), bool)
+        while True:
+            at = search.solved(at, free)
+            look = self._look(search, at, free, known)
+            against = np.where(free | gone | beyond, 0.0, look.evidence) > 0.0
+            if adds and against.any():
+                free[np.argmax(against * look.evidence)] = True
+                continue
+            flat = free & ((search.on_limit(at) & (at != 0.0)) | (look.alone >= UNSEEN * (high - low)))
+            weak = flat | (free & (look.error >= UNSEEN * (high - low)))
+            weak[-1] = False
+            bounds = self._bounds(search, at, look, start, beyond)
+            for k in np.flatnonzero(free & (absent != 0) & ~weak).tolist():
+                side = int(absent[k])
+                if self._may_be_absent(search, at, k, side):
+                    bounds[int(side > 0), k] = side * np.inf
+                    inner, end = bounds[int(side < 0), k], (search.low if side > 0 else search.high)[k]
+                    flat[k] = weak[k] = side * inner <= side * end
+            if not weak.any():
+                break
+            i = int(np.argmax(np.where(weak, look.error / (high - low), -1.0)))
+            free[i] = False
+            held = search.solved(np.where(np.arange(len(at)) == i, start, at), free)
+            if (
+                flat[i]
+                and absent[i] * (at[i] - start[i]) > 0.0
+                and self._is_worse(residual(held), residual(at))
+            ):
+                beyond[i] = True
+            else:
+                if search.on_limit(at)[i]:
+                    notes.append(
+                        f"{names[i]}: the best value lies beyond the limit of the search, {at[i]:.3g}"
+                    )
+                gone[i], at = True, held
+        kept = free | beyond
+        limited = np.flatnonzero(kept & (search.on_limit(at) | np.isinf(bounds).any(axis=0)))
+        notes += [_limit_note(names[i], at[i], bounds[:, i]) for i in limited]
+        if against.any():
+            every = free | against
+            other = search.solved(at, every)
+            more = self._bounds(search, other, self._look(search, other, every, known), start, beyond)
+            bounds = np.array([np.minimum(bounds[0], more[0]), np.maximum(bounds[1], more[1])])
+            notes += [
+                f"{names[i]}: the log says {other[i]:.3g} and not {start[i]:.3g}, which was held; "
+                "the intervals of the others hold both" for i in np.flatnonzero(against)
+            ]  # fmt: skip
+        notes += [
+            f"{names[i]}: fitted, too, as the log contradicts {start[i]:.3g}"
+            for i in np.flatnonzero(free) if names[i] not in (*asked, OFFSET)
+        ]  # fmt: skip
+        bounds[1] += np.where([k == first[0] for k in names], late, 0.0)
+        bounds = np.where(kept, bounds, [[-np.inf], [np.inf]])
+        shown = [i for i, k in enumerate(names) if kept[i] or k in asked]
         rows = [
             FittedWith(
-                key, rounded(start[i], 5), rounded(values[i], 5), rounded(values[i] - limits[i], 5),
-                rounded(values[i] + limits[i], 5), _unit(key), bool(seen[i]),
+                names[i], rounded(start[i], 5), rounded(at[i], 5), rounded(bounds[0, i], 5),
+                rounded(bounds[1, i], 5), _unit(names[i]), bool(kept[i]),
             )
-            for i, key in enumerate(names)
+            for i in shown
         ]  # fmt: skip
-        rmse = rms(at_start), rms(residuals), rms(predicted)
-        shown = [self._shown(r) for r in (at_start, residuals)]
-        real = self._shown(np.zeros_like(residuals))
+        best = _changed(sheet, {k: table[k] for i, k in enumerate(table) if kept[i]}, at[:-1][kept[:-1]])
+        at_start, left = residual(start), residual(at)
+        series = [self._shown(r) for r in (np.zeros_like(left), at_start, left)]
+        rmse = rms(at_start), rms(left), rms(look.predicted)
         return best, PartFit(
-            self.name, self._quantity, self._unit, tuple(rows), self._count, rmse, real, *shown
+            self.name, self._quantity, self._unit, tuple(rows), self._count, rmse, tuple(notes), *series
         )  # fmt: skip
 
-    def _bootstrap(self, jacobian: Array, residuals: Array) -> tuple[Array, Array]:
-        """Standard deviation of each value over resampled blocks; residuals of each block by the others."""
+    def _look(self, search: "_Search", at: Array, free: Mask, known: Array) -> "_Look":
+        """How well the log tells each value, and whether it contradicts those that are held.
+
+        What is held is off by `known`, or by less where the log says so; that moves the fitted values.
+        """
+        residuals, inside = search.residual(at), free & ~search.on_limit(at)
+        jacobian = search.jacobian(at, np.ones_like(free))
+        spread = np.full(len(at), np.inf)
+        spread[inside], _, predicted = self._bootstrap(jacobian[:, inside], residuals)
+        square, evidence = np.where(inside, spread**2, 0.0), np.zeros(len(at))
+        for i in np.flatnonzero(~inside):
+            which = inside.copy()
+            which[i] = True
+            one = int(np.count_nonzero(which[:i]))
+            errors, moved, _ = self._bootstrap(jacobian[:, which], residuals)
+            error = spread[i] = errors[one]
+            square[i] = error**2
+            if np.isfinite(error) and abs(moved[one]) > self._wide * error:
+                evidence[i] = (residuals**2).sum() - ((residuals + jacobian[:, which] @ moved) ** 2).sum()
+                off = min(known[i], error) if inside.any() else 0.0
+                shift = np.linalg.lstsq(jacobian[:, inside], jacobian[:, i], rcond=None)[0]
+                square[inside] += (off * shift) ** 2
+        return _Look(spread, np.sqrt(square), evidence, predicted)
+
+    def _may_be_absent(self, search: "_Search", at: Array, i: int, side: int) -> bool:
+        """Whether the log is as likely without an effect, at the limit on that side, all else free."""
+        without, others = at.copy(), np.ones(len(at), bool)
+        without[i], others[i] = (search.high if side > 0 else search.low)[i], False
+        left = search.residual(search.solved(without, others))
+        return not self._is_worse(left, search.residual(at))
+
+    @property
+    def _wide(self) -> float:
+        return float(_scipy()[1].ppf(0.5 + 0.5 * CONFIDENCE, self._count - 1))
+
+    def _is_worse(self, left: Array, than: Array) -> bool:
+        """Whether squares of one fit exceed those of another, by Student's t over the passes."""
+        more = np.bincount(self._block, left**2 - than**2)
+        return float(more.mean()) > self._wide * float(more.std(ddof=1)) / sqrt(self._count)
+
+    def _bounds(self, search: "_Search", at: Array, look: "_Look", start: Array, beyond: Mask) -> Array:
+        """Ends of the intervals, shape (2, n); of a value `beyond`: where the log begins to bound it."""
+        bounds = np.array([at - self._wide * look.error, at + self._wide * look.error])
+        bounds[0] = np.where(search.low == 0.0, np.maximum(bounds[0], 0.0), bounds[0])
+        for i in np.flatnonzero(beyond):
+            best, bad, good = search.residual(at), start[i], at[i]
+            for _ in range(HALVINGS):
+                tried = at.copy()
+                tried[i] = 0.5 * (bad + good)
+                worse = self._is_worse(search.residual(tried), best)
+                bad, good = (tried[i], good) if worse else (bad, tried[i])
+            bounds[:, i] = (bad, np.inf) if at[i] > start[i] else (-np.inf, bad)
+        return bounds
+
+    def _bootstrap(self, jacobian: Array, residuals: Array) -> tuple[Array, Array, Array]:
+        """Standard deviation of each value over blocks, its step, residuals of each block by the others."""
         width = jacobian.shape[1]
         square, slope = np.zeros((self._count, width, width)), np.zeros((self._count, width))
         rows = [np.flatnonzero(self._block == b) for b in range(self._count)]
@@ -361,8 +499,11 @@ class _Part:
             others = np.ones(self._count)
             others[b] = 0.0
             predicted[r] += jacobian[r] @ move(others)
-        error = np.where(scale > LEAST_EFFECT, moved.std(axis=0) * few, np.inf)
-        return error, predicted
+        # resamples do not move along what no pass tells: there the classical error of least squares counts
+        classical = np.mean(residuals**2) * np.diagonal(np.linalg.inv(square.sum(axis=0) + ridge))
+        error = np.sqrt(np.maximum((moved.std(axis=0) * few) ** 2, classical))
+        error = np.where(scale > LEAST_EFFECT, error, np.inf)
+        return error, move(np.ones(self._count)), predicted
 
     def _shown(self, residuals: Array) -> Array:
         """Measured plus residual as a series of the log, of positions the distance; nan where none counts."""
@@ -374,14 +515,70 @@ class _Part:
         return made
 
 
-def _jacobian(residual: Callable[[Array], Array], at: Array, step: Array, low: Array, high: Array) -> Array:
-    """Central differences, one-sided at a limit."""
-    columns = []
-    for i in range(len(at)):
-        up, down = at.copy(), at.copy()
-        up[i], down[i] = min(at[i] + step[i], high[i]), max(at[i] - step[i], low[i])
-        columns.append((residual(up) - residual(down)) / (up[i] - down[i]))
-    return np.stack(columns, axis=1)
+@dataclass(frozen=True)
+class _Look:
+    """What the log says of each value, shape (n,).
+
+    alone, error: standard errors, without and with that of what is held; evidence: squares that a value that
+    is held would explain, 0 where that may be chance (Student's t of its step)
+    predicted: residuals of each block by the others
+    """
+
+    alone: Array
+    error: Array
+    evidence: Array
+    predicted: Array
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Least squares within limits, over some of the values; steps of the derivative are those of `Free`.
+
+    The model is smooth on that scale only.
+    """
+
+    residual: Callable[[Array], Array]
+    low: Array
+    high: Array
+    step: Array
+
+    def on_limit(self, at: Array) -> Mask:
+        near = ON_LIMIT * self.step
+        return np.asarray((at <= self.low + near) | (at >= self.high - near))
+
+    def solved(self, at: Array, free: Mask) -> Array:
+        """The values with the best of the free ones; one on a limit lies there exactly."""
+
+        def whole(part: Array) -> Array:
+            made = at.copy()
+            made[free] = part
+            return made
+
+        least_squares, _ = _scipy()
+        found = whole(least_squares(
+            lambda v: self.residual(whole(v)), at[free], jac=lambda v: self.jacobian(whole(v), free),
+            bounds=(self.low[free], self.high[free]), x_scale=self.step[free], xtol=1e-5, ftol=1e-7,
+            max_nfev=30, method="dogbox",
+        ).x)  # fmt: skip
+        ends = np.where(2.0 * found < self.low + self.high, self.low, self.high)
+        return np.where(free & self.on_limit(found), ends, found)
+
+    def jacobian(self, at: Array, which: Mask) -> Array:
+        """Central differences, one-sided at a limit."""
+        columns = []
+        for i in np.flatnonzero(which):
+            up, down = at.copy(), at.copy()
+            up[i] = min(at[i] + self.step[i], self.high[i])
+            down[i] = max(at[i] - self.step[i], self.low[i])
+            columns.append((self.residual(up) - self.residual(down)) / (up[i] - down[i]))
+        return np.stack(columns, axis=1)
+
+
+def _limit_note(key: str, value: float, bounds: Array) -> str:
+    if np.isfinite(bounds).all():
+        return f"{key}: on its limit of {value:.3g}; the log says at most {bounds[1]:.3g}"
+    side, bound = ("most", bounds[1]) if np.isfinite(bounds[1]) else ("least", bounds[0])
+    return f"{key}: the log says only that it is at {side} {bound:.3g}; {value:.3g} was taken"
 
 
 def _number(sheet: Sheet, key: str, free: Free) -> float:
@@ -432,7 +629,7 @@ class SteeringComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """All but the series, for JSON."""
-        series = ("measured", "before", "after")
+        series = ("notes", "measured", "before", "after")
         parts = {p.name: {k: v for k, v in asdict(p).items() if k not in series} for p in self.parts}
         return {"model": self.model, "log": self.log_name, "parts": parts, "notes": list(self.notes),
                 **self.log.column_map.summary()}  # fmt: skip
@@ -470,25 +667,26 @@ def compare_steering(
     parts, notes = [], list(read.notes)
     if read.has_command and asked["steering"]:
         progress("fitting the steering")
-        sheet, part = fit_steering(sheet, read, asked["steering"])
+        sheet, part = fit_steering(sheet, read, asked["steering"], adds=not fit)
         parts.append(part)
         if read.period > 0.03:
             late = num(500.0 * read.period)
             notes.append(
-                f"commands are logged every {num(1e3 * read.period)} ms and taken to hold until the next: "
-                f"where they change in between, the dead time comes out up to {late} ms too long or short"
+                f"commands are logged every {num(1e3 * read.period)} ms: steps in between make the dead time "
+                f"come out up to {late} ms too short, which the interval of held commands holds"
             )
     elif asked["steering"]:
         notes.append("the log has no commands: dead time, lag and rate of the steering are as they were")
     quantity = on or next(iter(read.measured[1:]), None)
     if quantity is not None and asked["motion"]:
         progress("fitting the motion")
-        sheet, part = fit_motion(sheet, read, asked["motion"], quantity, antenna)
+        sheet, part = fit_motion(sheet, read, asked["motion"], quantity, antenna, adds=not fit)
         parts.append(part)
     elif asked["motion"]:
         notes.append("the log has no yaw rate and no positions: the motion is as it was")
     if not parts:
         raise InputError("fit", ", ".join(fit), "expected numbers that this log determines")
+    notes += [n for p in parts for n in p.notes]
     notes += [
         f"{f.key}: this log does not show it, left as it was"
         for p in parts

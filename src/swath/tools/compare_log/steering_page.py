@@ -94,4 +94,8 @@ def _by_pass(ax: Any, made: SteeringComparison, part: PartFit) -> None:
 
 
 def _interval(f: FittedWith) -> str:
-    return span([f.low, f.high]) if isfinite(f.low) and isfinite(f.high) else "not shown by this log"
+    if not f.is_seen:
+        return "not shown by this log"
+    if isfinite(f.low) and isfinite(f.high):
+        return span([f.low, f.high])
+    return f"at least {num(f.low)}" if isfinite(f.low) else f"at most {num(f.high)}"
