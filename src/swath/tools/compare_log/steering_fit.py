@@ -425,7 +425,7 @@ class _Part:
     def _look(self, search: "_Search", at: Array, free: Mask, known: Array) -> "_Look":
         """How well the log tells each value, and whether it contradicts those that are held.
 
-        What is held is off by `known`, or by less where the log says so; that moves the fitted values.
+        What is held is off by `known`, or by what its test would miss; that moves the fitted values.
         """
         residuals, inside = search.residual(at), free & ~search.on_limit(at)
         jacobian = search.jacobian(at, np.ones_like(free))
@@ -441,9 +441,9 @@ class _Part:
             square[i] = error**2
             if np.isfinite(error) and abs(moved[one]) > self._wide * error:
                 evidence[i] = (residuals**2).sum() - ((residuals + jacobian[:, which] @ moved) ** 2).sum()
-                off = min(known[i], error) if inside.any() else 0.0
+            if np.isfinite(error):
                 shift = np.linalg.lstsq(jacobian[:, inside], jacobian[:, i], rcond=None)[0]
-                square[inside] += (off * shift) ** 2
+                square[inside] += (min(known[i], self._wide * error) * shift) ** 2
         return _Look(spread, np.sqrt(square), evidence, predicted)
 
     def _may_be_absent(self, search: "_Search", at: Array, i: int, side: int) -> bool:
