@@ -35,7 +35,7 @@ def drawn(seed, *, others=False, motion=True, longest=260.0):
     truth = {
         "steering.dead_time_s": float(rng.uniform(0.05, 0.5)), "steering.lag_s": float(rng.uniform(0.1, 0.5)),
         "steering.rate_deg_s": rate,
-        "steering.dead_band_percent": float(rng.uniform(1.0, 8.0)) 
+        "steering.dead_band_percent": float(rng.uniform(1.0, 8.0))
         if np.isfinite(rate) and rng.uniform() < 0.6 else 0.0,
         "tyres.understeer_deg_per_g": float(rng.uniform(-2.0, 4.0)),
     }  # fmt: skip

@@ -159,7 +159,8 @@ def test_positions_alone_tell_the_motion(weaved):
     keys = ["tyres.understeer_deg_per_g", "tyres.front_relaxation_m"]
     (motion,) = compare_steering("lexion-700", folder / "coarse.csv", on="place", fit=keys).parts
     assert within(motion, truth) == dict.fromkeys(keys, True)
-    assert motion.fitted[1].high - motion.fitted[1].low < 0.2 * 1.3
+    # of positions: what stiffness and wheelbase of the sheet may be off is in it
+    assert motion.fitted[1].high - motion.fitted[1].low < 0.6 * 1.3
     assert motion.rmse[1] == pytest.approx(1.0, abs=0.2)  # cm: the noise of the positions
 
 
