@@ -384,9 +384,7 @@ class _Part:
                 beyond[i] = True
             else:
                 if search.on_limit(at)[i]:
-                    notes.append(
-                        f"{names[i]}: the best value lies beyond the limit of the search, {at[i]:.3g}"
-                    )
+                    notes.append(f"{names[i]}: the search ended on its limit, {at[i]:.3g}: left as it was")
                 gone[i], at = True, held
         kept = free | beyond
         limited = np.flatnonzero(kept & (search.on_limit(at) | np.isinf(bounds).any(axis=0)))
@@ -691,7 +689,7 @@ def compare_steering(
         f"{f.key}: this log does not show it, left as it was"
         for p in parts
         for f in p.fitted
-        if not f.is_seen
+        if not f.is_seen and not any(n.startswith(f"{f.key}:") for n in p.notes)
     ]
     return SteeringComparison(
         str(sheet.value("name")), Path(log).name, read, tuple(parts), tuple(notes), sheet
