@@ -384,7 +384,7 @@ class _Part:
                 beyond[i] = True
             else:
                 if search.on_limit(at)[i]:
-                    notes.append(f"{names[i]}: the search ended on its limit, {at[i]:.3g}: left as it was")
+                    notes.append(f"{names[i]}: the search ended on its limit, {num(at[i])}: left as it was")
                 gone[i], at = True, held
         kept = free | beyond
         limited = np.flatnonzero(kept & (search.on_limit(at) | np.isinf(bounds).any(axis=0)))
@@ -395,11 +395,11 @@ class _Part:
             more = self._bounds(search, other, self._look(search, other, every, known), start, beyond)
             bounds = np.array([np.minimum(bounds[0], more[0]), np.maximum(bounds[1], more[1])])
             notes += [
-                f"{names[i]}: the log says {other[i]:.3g} and not {start[i]:.3g}, which was held; "
+                f"{names[i]}: the log says {num(other[i])} and not {num(start[i])}, which was held; "
                 "the intervals of the others hold both" for i in np.flatnonzero(against)
             ]  # fmt: skip
         notes += [
-            f"{names[i]}: fitted, too, as the log contradicts {start[i]:.3g}"
+            f"{names[i]}: fitted, too, as the log contradicts {num(start[i])}"
             for i in np.flatnonzero(free) if names[i] not in (*asked, OFFSET)
         ]  # fmt: skip
         bounds[1] += np.where([k == first[0] for k in names], late, 0.0)
@@ -574,9 +574,9 @@ class _Search:
 
 def _limit_note(key: str, value: float, bounds: Array) -> str:
     if np.isfinite(bounds).all():
-        return f"{key}: on its limit of {value:.3g}; the log says at most {bounds[1]:.3g}"
+        return f"{key}: on its limit of {num(value)}; the log says at most {num(bounds[1])}"
     side, bound = ("most", bounds[1]) if np.isfinite(bounds[1]) else ("least", bounds[0])
-    return f"{key}: the log says only that it is at {side} {bound:.3g}; {value:.3g} was taken"
+    return f"{key}: the log says only that it is at {side} {num(bound)}; {num(value)} was taken"
 
 
 def _number(sheet: Sheet, key: str, free: Free) -> float:
