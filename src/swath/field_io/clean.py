@@ -27,7 +27,8 @@ STRIP_RECORDS = 41  # of the running median that shows a strip narrower than the
 STRIP_SHARE = 0.6  # of the yield of the passes beside it: less means that the header was not full
 STRIP_REACH = 1.6  # header widths to the passes beside
 MOSTLY = 0.5  # of the records of a stretch with a working header: it is in the crop in all of it
-SEVERAL, FEW_TURNS = 4, 0.01  # stretches of a log that pauses out of work, and most of its records in turns
+# estimated: stretches of a log that pauses out of work, and most of its records in turns
+SEVERAL, FEW_TURNS = 4, 0.01
 BACKWARD = 0.7  # cosine of what two courses that are opposite to each other differ by at most from 180 deg
 LONGEST_HOLE = 5  # records without crop that do not end a pass
 SHORTEST_PASS = 30.0  # m

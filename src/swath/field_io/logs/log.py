@@ -81,7 +81,7 @@ _NEEDED = {"grain_flow": "kg/s", "yield": "kg/m2", "speed": "m/s", "header_width
 """A bad value here breaks the row, elsewhere the cell."""
 MOST_JUDGED = 10_000  # records on which another reading of the positions is judged
 MANY = 0.2  # of the rows: so many left out for one reason are reported
-# cosines of a step to the side of the one before, and of two that are opposite; m, to another pass
+# estimated: cosines of a step to the side of the one before, and of two that are opposite; m, to a pass
 SIDEWAYS, TURNED, LEAST_ASIDE = 0.7, -0.9, 1.0
 LATEST = 1e19  # of a number that is a time: nanoseconds of the year 2286
 MOST_IN_ORDER = 16  # parts of a header, each with a row, of a log without a clock

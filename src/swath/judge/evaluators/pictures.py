@@ -17,7 +17,7 @@ from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Metric, mean
 from swath.signals import Image, Signal
 
-LEAST_PX = 4  # of a thing: fewer pixels show no more than a speck
+LEAST_PX = 4  # of a thing: fewer pixels show no more than a speck; estimated
 
 
 class Pictures:
@@ -27,11 +27,9 @@ class Pictures:
     METRICS = (
         Metric(
             "thing_contrast", "", f"largest contrast-to-noise ratio of a thing of {LEAST_PX} pixels or more",
-            "Pictures", "higher", "contrast of things in pictures", decimals=1,
+            "Pictures", "higher", "contrast of things in pictures",
         ),
-        Metric(
-            "exposure_mean_s", "s", "exposure time times gain of the pictures, mean", "Pictures", shown="ms"
-        ),
+        Metric("exposure_mean_s", "s", "exposure time times gain of the pictures, mean", "Pictures"),
     )  # fmt: skip
     OF_FIELD = False
 
