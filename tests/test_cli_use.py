@@ -231,7 +231,8 @@ def test_tables_of_commands_break_between_words_and_at_dots(columns, capsys, mon
             for text in (str(text) for row in (heads, *rows) for text in row):
                 for whole in tables.BLANK.split(text.strip()):
                     assert whole in words or all(p in words for p in run_of(whole, words)), (command, whole)
-        assert not printed or max(map(len, lines)) <= columns, command
+        wide = [line for line in lines if len(line) > columns and " " in line]  # a path alone may be
+        assert not printed or not wide, command
         walked += [len(rows) for _, rows in printed]
         printed.clear()
     print(f"{len(walked)} tables, {sum(walked)} rows")

@@ -24,12 +24,12 @@ def run(args: argparse.Namespace) -> int:
     """Print a page as it is, or path and title of all."""
     from swath.core.errors import InputError
     from swath.documents.validation import near_miss
-    from swath.terminal.tables import table
+    from swath.terminal.tables import say, table
 
     found = pages()
     if args.page is None:
         table("", ("page", "title"), [(name, _title(path)) for name, path in found.items()])
-        print(f"swath docs PAGE prints one; they are in {folder()}")
+        say(f"swath docs PAGE prints one; they are in {folder()}")
         return 0
     asked = args.page.removesuffix(".md").removeprefix("docs/")
     named = {name: path for name, path in found.items() if asked in (name, path.stem)}
