@@ -311,6 +311,7 @@ SLOTS: tuple[SlotKind, ...] = (
             **_STATE,
             "scan": ("lidar", "scan"),
             "odometry": ("odometry", "odometry"),
+            "flow": ("header", "flow"),
             "inertial": ("imu", "inertial"),
         },
     ),

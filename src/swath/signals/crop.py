@@ -80,6 +80,19 @@ class CropEdge(Signal, about=About(messages=_EDGE, track_order=5, time_column="e
         float, Quantity("m", "x of the farthest place where the edge is seen", nan="unknown", span=AHEAD)
     ] = _NAN
     is_held: Annotated[bool, Quantity("", "held from earlier scans, not seen in this one")] = False
+    other_offset: Annotated[
+        float,
+        Quantity(
+            "m",
+            "y at x = reference_x of the edge if the crop leans out, or does not, against what is likelier",
+            nan="no other place",
+            column="edge_other_offset_m",
+            span=ASIDE,
+        ),
+    ] = _NAN
+    other_chance: Annotated[
+        float, Quantity("", "chance of the other place, 0..1", column="edge_other_chance", span=SHARE)
+    ] = 0.0
 
     @property
     def is_found(self) -> bool:

@@ -17,12 +17,11 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from swath.control.edge.feet.canopy_feet import mixed
-from swath.control.edge.feet.overhang import HeightOverhang, density
+from swath.control.edge.feet.overhang import CutWidth, Hang, HeightOverhang, Mode, density, joined
 from swath.control.edge.feet.stem_lean import StemLean
-from swath.control.edge.likelihood_ratio import TOLERANCE, UNSURE, LikelihoodRatio
+from swath.control.edge.likelihood_ratio import UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
-from swath.control.edge.profile import LEAST_SURE, crop_sign
+from swath.control.edge.profile import LEAST_SURE, TOLERANCE, crop_sign
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
@@ -73,7 +72,9 @@ class Joined(KeepsState):
         scans = tuple(Port(name, Scan, unit="m", shape=(None,)) for name in self._mountings)
         self.inputs = (*scans, *LikelihoodRatio.inputs[1:])
         highest = max(float(pose.position[2]) for pose in self._mountings.values())
-        self._height = HeightOverhang(params.each.upright_m or setup.crop_height, highest)
+        one = params.each
+        usual = one.upright_m or setup.crop_height, one.height_percent, one.lean_deg
+        self._height = HeightOverhang(*usual, highest)
         self._lean = StemLean(PERCENT * params.gain_percent, len(self._mountings))
         self._each = {name: self._one(name, setup) for name in self._mountings}
         self._forget()
@@ -103,29 +104,30 @@ class Joined(KeepsState):
         odometry = inputs["odometry"]
         self._look(inputs, abs(odometry.speed) * dt / NS if isfinite(odometry.speed) else 0.0)
         for name, one in self._each.items():
-            own = {"odometry": odometry, "inertial": inputs.get("inertial"), "scan": inputs[name]}
+            own = {"odometry": odometry, "scan": inputs[name]}
+            own |= {port: inputs.get(port) for port in ("inertial", "flow")}
             self._edges[name] = _edge(one.step(t, dt, own))
             self._shared[name] = self._hang_sd
         least = [self._own(self._mountings[name], edge) for name, edge in self._edges.items()]
         return {"edge": self._joined(list(self._edges.values()), list(self._shared.values()), least)}
 
-    def of(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
+    def of(self, crop: float, crop_sd: float, stopped: float, ramp: Mode, cut: CutWidth) -> Hang:
         """`Overhang` of the stand, for the scanners' own detectors: all of them see the same tops."""
-        hang, self._hang_sd = self._hang(crop, crop_sd, stopped, ramp)
-        return hang, self._hang_sd
+        hang = self._hang(crop, crop_sd, stopped, ramp, cut)
+        self._hang_sd = hang.sd
+        return hang
 
-    def _hang(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
+    def _hang(self, crop: float, crop_sd: float, stopped: float, ramp: Mode, cut: CutWidth) -> Hang:
         if not self._lean.is_seen:
-            return self._height.of(crop, crop_sd, stopped, ramp)
+            return self._height.of(crop, crop_sd, stopped, ramp, cut)
         low = self._height.lean(crop, stopped)
         if self._told is None or self._since >= ASKED_M:
             self._told, self._since = self._lean.outward(low), 0.0
         lean, sd = self._told
         if low == 0.0 and lean < 2.0 * sd:
-            return 0.0, 0.0
+            return Hang(joined(Mode(1.0 - ramp.chance), ramp))
         share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN))
-        hang, hang_sd = share * lean, share * hypot(sd, MODEL)
-        return mixed(ramp, (0.0, 0.0), (hang, hang_sd))  # of a lean inward the feet are seen
+        return Hang(ramp, Mode(1.0 - ramp.chance, share * lean, share * hypot(sd, MODEL)))
 
     def _look(self, inputs: Inputs, travel: float) -> None:
         """Take the brightness of what stands in the crop, where an edge was found before."""

@@ -8,7 +8,7 @@ the feet of the crop (`canopy_feet`).
 """
 
 from dataclasses import dataclass, replace
-from math import cos, erf, hypot, isfinite, sin, sqrt, tan
+from math import cos, hypot, isfinite, nan, sin, sqrt, tan
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
@@ -16,7 +16,7 @@ from annotated_types import Ge, Gt, Le
 from swath.control.edge.block_track import BLOCK, BlockTrack, Search
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
-from swath.control.edge.feet.overhang import HeightOverhang, Overhang, density
+from swath.control.edge.feet.overhang import HOLES_M, CutWidth, HeightOverhang, Overhang, density
 from swath.control.edge.line.near_line import DISTANCE, LineFit, NearLine
 from swath.control.edge.profile import EVENLY, LEAST_SURE, crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
@@ -26,11 +26,10 @@ from swath.core.random import Stream
 from swath.core.registry import Checked, Level
 from swath.core.schedule import NS
 from swath.core.units import PERCENT
-from swath.signals import CropEdge, Inertial, Odometry, Scan
+from swath.signals import CropEdge, CropFlow, Inertial, Odometry, Scan
 from swath.signals.setup import ControlSetup
 
 BEGIN = 3  # blocks: a line through two shows nothing of its own error
-TOLERANCE = 0.10  # m, of the confidence
 RAGGED, EVEN = 2.8, 0.03  # of the scatter beyond that of an even edge, of its height: bites, swing
 BENT = 0.4  # m per bend of 1/m: rays that cross the edge show it less well
 SLIPPED = 0.12  # m per rad that the edge turns away from the crop: 1.3 % of wheel slip, not known
@@ -40,6 +39,7 @@ ROWS = 0.125  # of their spacing: scatter of single plants in rows, which are no
 UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not seen; m, its least deviation
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
+OVER_M = 1.0  # m of travel over which the header tells its width
 ROLLS = 0.15  # m of rise: short waves, of which the beams see more, say little of what is nearer
 OLD, LATE = 0.15, 0.4  # s: age of the newest scan from which on an edge is less sure, and is none
 LEAST_COS = 0.2  # of the edge's angle to the machine
@@ -58,6 +58,10 @@ class Params:
         he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot see:
         the edge is not sure there
     slip_percent: how much faster the wheels turn than the ground passes, 2 to 6 % on stubble (uncited)
+    height_percent: standard deviation of the height of stands that stand upright about that, such as 14 for
+        one of 60 to 120 %
+    lean_deg: how far stands lean in the mean, as the driver sees them; half of them lean less than 0.7 of it
+    cut_sd_m: standard deviation of the error of the cutting width that a run has alike, where it is measured
     closed_m: standard deviation in closed stands of the error that a whole run has alike and no fit shows:
         overhang, mounting, odometry. Such that the 95 % band holds 97 % of the pooled errors of 75 drawn runs
         with `empirical` (`benchmarks/edge_pairs.py`, final 0 to 74), and 97 % of 60 with `plants`
@@ -70,6 +74,9 @@ class Params:
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
     upright_m: Annotated[float, Ge(0), Le(5)] = 0.0
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
+    height_percent: Annotated[float, Gt(0), Le(100)] = 14.0
+    lean_deg: Annotated[float, Ge(0), Le(60)] = 20.0
+    cut_sd_m: Annotated[float, Gt(0), Le(5)] = 0.03
     closed_m: Annotated[float, Gt(0), Le(1)] = 0.026
     open_m: Annotated[float, Gt(0), Le(1)] = 0.028
 
@@ -77,11 +84,23 @@ class Params:
 class LikelihoodRatio(KeepsState):
     """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
 
-    kept = ("_time", "_at", "_blocks", "_ground", "_rays", "_inclination", "_yaw_rate")
+    kept = (
+        "_cut",
+        "_missing",
+        "_since",
+        "_time",
+        "_at",
+        "_blocks",
+        "_ground",
+        "_rays",
+        "_inclination",
+        "_yaw_rate",
+    )
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
         Port("odometry", Odometry),
         Port("inertial", Inertial, history=True, optional=True),
+        Port("flow", CropFlow, optional=True),
     )
     outputs = (Port("edge", CropEdge),)
 
@@ -89,8 +108,10 @@ class LikelihoodRatio(KeepsState):
         self._p = params
         self._sign = crop_sign(setup.edge_side)
         knife_x, end_y = setup.machine.header_end(setup.edge_side)
-        usual = params.upright_m or setup.crop_height
-        self._overhang = overhang or HeightOverhang(usual, float(setup.mounting.position[2]))
+        usual = params.upright_m or setup.crop_height, params.height_percent, params.lean_deg
+        self._overhang = overhang or HeightOverhang(*usual, float(setup.mounting.position[2]))
+        self._cut, self._width = CutWidth(params.cut_sd_m), setup.machine.header_width
+        self._behind = knife_x - 0.5 * OVER_M
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
         self._blocks = BlockTrack(
@@ -115,6 +136,8 @@ class LikelihoodRatio(KeepsState):
     def _forget(self) -> None:
         self._time = 0
         self._at = (0.0, 0.0, 0.0)  # x, u [m] and heading [rad] in the frame at rest
+        self._cut.clear()
+        self._missing, self._since = float("nan"), 0.0  # of the header's width [m]; driven since it was used
         self._blocks.clear()
         self._ground.clear()
         self._rays.clear()
@@ -135,6 +158,9 @@ class LikelihoodRatio(KeepsState):
         inertial = inputs.get("inertial")
         yaw_rate = self._sign * finite(self._yaw_rate.of(odometry, inertial, dt / NS))
         self._inclination.take(inertial, speed)
+        flow = inputs.get("flow")
+        self._missing = self._width * (1.0 - flow.header_fill) if flow is not None else float("nan")
+        self._since += abs(speed) * dt / NS
         if scan is not None and scan.t > self._time:
             self._take(scan, speed, yaw_rate)
         return {"edge": self._report(t + dt, speed, yaw_rate)}
@@ -218,10 +244,11 @@ class LikelihoodRatio(KeepsState):
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         feet = self._blocks.feet
         top = self._blocks.height
-        shift, shift_sd = feet.shift(top, crop, stopped, line.spread, dust)
+        shift, shift_sd, ramp = feet.shift(top, crop, stopped, line.spread, dust)
         rows = feet.rows(shift)[0]  # of plants, which stand out by themselves
         dense = max(stopped, rows)  # where its plants are
-        hang, hang_sd = self._overhang.of(crop, self._blocks.populations.plane_sd, dense, feet.leans_in)
+        self._hear(line, shift, steep)
+        hang = self._overhang.of(crop, self._blocks.populations.plane_sd, dense, ramp, self._cut)
         is_smooth = self._blocks.bite > 0.0
         even = max(EVEN * top, ROWS * rows * feet.spacing)
         ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - even**2))
@@ -231,13 +258,13 @@ class LikelihoodRatio(KeepsState):
         alike = self._p.open_m + density(stopped) * (self._p.closed_m - self._p.open_m)
         known = hypot(known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), alike)
         known = hypot(known, self._blocks.blank / EVENLY)  # evenly anywhere in it
-        sd = hypot(known, hang_sd) / steep
-        sure = erf(TOLERANCE / (sd * sqrt(2.0))) * min(1.0, self._blocks.agreed / 0.8)
+        sd, other = hypot(known, hang.sd) / steep, hang.other
+        sure = hang.within(known) * min(1.0, self._blocks.agreed / 0.8)
         if is_smooth or not isfinite(crop) or not self._shows(line, crop):
             sure, sd = min(sure, UNSURE), max(sd, HELD)
         return CropEdge(
             t=now,
-            offset=sign * (canopy + (shift + hang) / steep),
+            offset=sign * (canopy + (shift + hang.mean) / steep),
             heading=sign * edge.angle,
             curvature=sign * edge.bend,
             reference_x=self._reference,
@@ -248,7 +275,19 @@ class LikelihoodRatio(KeepsState):
             heading_sd=line.angle_sd,
             seen_to=self._reference + (line.seen_to + 0.5 * BLOCK) * steep,
             is_held=line.gap > 1.0,
+            other_offset=sign * (canopy + (shift + other.mean) / steep) if other.chance > 0.0 else nan,
+            other_chance=other.chance,
         )
+
+    def _hear(self, line: NearLine, shift: float, steep: float) -> None:
+        """What the header cut over the last way driven, beside where the canopy's edge lies there."""
+        edge, blocks = line.frame, self._blocks
+        beyond = self._behind - edge.x
+        knife = self._way_of(line) + beyond
+        if self._missing < HOLES_M and blocks.points.shows(knife, BETWEEN, OVER_M):
+            canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
+            self._cut.add(self._missing, canopy + shift / steep - self._centre, self._since)
+        self._since = 0.0
 
     def _shows(self, line: NearLine, crop: float) -> bool:
         """Standing crop was seen at the reported place.

@@ -58,6 +58,8 @@ def bound_speeds(
     seen_to: Numbers,
     reference_x: Numbers,
     offset_sd: Numbers,
+    other_offset: Numbers,
+    other_chance: Numbers,
     measured: Numbers,
     is_led: wp.array(dtype=wp.bool),
     allowed: Numbers,
@@ -96,6 +98,8 @@ def bound_speeds(
     most = wp.min(wanted, wp.sqrt(p.bend / wp.max(bend, LEAST)))
     low = UNSURE * p.sure
     trust = wp.min(wp.max((confidence[w] - low) / (p.sure - low), ZERO), ONE)
+    if wp.abs(other_offset[w] - offset[w]) > p.room:  # nan where there is no other place
+        trust = trust * (ONE - other_chance[w])
     slow = wp.min(p.slow, wanted)
     bound = wp.min(most, slow + trust * wp.max(wanted - slow, ZERO))
     allowed[w] = bound

@@ -23,7 +23,8 @@ class Guard:
     when_lost: `stop` = slow down, stop and end the run; `slow` = go on slowly; `ignore` = as if the edge were
         seen; `path` = go on slowly while the steering follows a path instead, stop where it does not
     blind_m: distance driven without seeing the edge ahead, or knowing where it is, until the machine stands
-    room_m: the place of the edge counts as unknown where the edge may as well be farther off than this
+    room_m: the place of the edge counts as unknown where the edge may as well be farther off than this; where
+        the other place that it may have is farther off, the speed is lower by that one's chance
     slow_kmh: speed where the edge is not sure
     sure: confidence from which on the speed is full [1]
     bend_m_s2: greatest lateral acceleration along the edge

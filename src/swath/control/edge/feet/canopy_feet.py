@@ -16,7 +16,7 @@ from swath.control.edge.canopy_classes import CELL, HALF, LAYER, LAYERS, LIMIT, 
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.feet.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.feet.lean_ramp import LeanRamp
-from swath.control.edge.feet.overhang import density
+from swath.control.edge.feet.overhang import Mode, density, mixed
 from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
 from swath.core.portable import product
@@ -26,7 +26,6 @@ OBLIQUE = 0.09  # rad to the edge from which on its wall looks like a ramp
 MEMORY, GUESS, PARTS = 30.0, 0.06, 3  # m; of the crop's height; parts of plants that make an echo together
 CLEAR, DUSTY, USUAL = 0.05, 0.12, 0.09  # shares of rays; in dust the overhang of cereals, of their height
 MOST = 0.19  # of the crop's height
-STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may be, and is, beyond doubt
 ROLL = 0.35  # slope of a ramp that upright plants feign, per rise across the edge
 ACROSS, ALONG = 0.6, 0.03  # the same per rad at which rays go into the crop, from so many on: they soak in
 TOPS = 0.9  # of the crop's height, from which on echoes are of tops
@@ -130,14 +129,6 @@ class CanopyFeet(KeepsState):
         """How sure the edge goes along the rows, which run straight, 0..1."""
         return 1.0 - min(abs(self._turned) * ALIKE / self.spacing, 1.0)
 
-    @property
-    def leans_in(self) -> float:
-        """How sure the crop is to lean away from the edge by more than ragged edges and wind feign, 0..1.
-
-        The plants of a row rise from its side to its middle: they look like a ramp wherever they lean.
-        """
-        return (1.0 - self.rows(0.0)[0]) * min(max((self.lean[2] - STEEP) / (STEEPER - STEEP), 0.0), 1.0)
-
     def _overhang(self, height: float) -> float:
         """Learned overhang of an upright canopy [m]."""
         most = MOST if self._ramp.is_known else USUAL
@@ -145,16 +136,17 @@ class CanopyFeet(KeepsState):
 
     def shift(
         self, height: float, top: float, stopped: float, spread: float, dust: float
-    ) -> tuple[float, float]:
-        """The feet behind the edge of the canopy, and the standard deviation of that [m].
+    ) -> tuple[float, float, Mode]:
+        """The feet behind the edge of the canopy, the standard deviation of that [m], and a lean inward.
 
-        Of a row crop, whose rows are not seen, the edge lies anywhere up to a spacing out of the last one.
+        Of a row crop, whose rows are not seen, the edge lies anywhere up to a spacing out of the last one. Of
+        a lean inward where it shows a ramp the feet lie so far behind those of a stand that stands.
 
         height [m] of the crop over the stubble's plane, its top over the ground; share of rays that it
         stopped; spread of the blocks about the line [m]; share of rays that dust took
         """
         if not height > 0.0:
-            return 0.0, 0.0
+            return 0.0, 0.0, Mode(0.0)
         seen = min(max((DUSTY - dust) / (DUSTY - CLEAR), 0.0), 1.0)
         dense = max(density(stopped), 1.0 - seen)  # in dust it is not seen how dense the crop is
         even = min(max((RAGGED - spread) / (RAGGED - EVEN), 0.0), 1.0)
@@ -166,11 +158,4 @@ class CanopyFeet(KeepsState):
         upright_sd = hypot(upright_sd, self.spacing / EVENLY)
         upright, upright_sd = mixed(clear, (row, row_sd), (upright, upright_sd))
         share, foot, _ = self.lean
-        return mixed((1.0 - clear) * share, (seen * foot, FEET * abs(foot)), (upright, upright_sd))
-
-
-def mixed(share: float, one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
-    """Mean and standard deviation of two that may hold, the first with a chance `share`."""
-    rest = 1.0 - share
-    variance = share * one[1] ** 2 + rest * other[1] ** 2 + share * rest * (one[0] - other[0]) ** 2
-    return share * one[0] + rest * other[0], sqrt(variance)
+        return upright, upright_sd, Mode((1.0 - clear) * share, seen * foot - upright, FEET * abs(foot))

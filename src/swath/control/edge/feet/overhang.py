@@ -1,74 +1,192 @@
-"""How far the tops of a stand may hang over the edge, and what its height says of that.
+"""How far the tops of a stand hang over the edge: what its height says of that, and how wide the header cuts.
 
-A stand that leans out over the edge shows a wall as sharp as that of an upright one, only further out. It is
-lower: stems of length h whose tops are at z over the ground lean by acos(z / h). How high an upright stand is
-seen, is known to some hundredths where it stops the rays, and less in a thin one, into which they go. Every
-lean is a hypothesis; what is reported is the mean over all of them, after what is seen.
+A stand that leans out over the edge shows a wall as sharp as that of an upright one, only further out, by
+z tan(lean) where its tops are at z. It is lower than one that stands, but how high that would be is known to
+a tenth or two of itself: one scanner on one side cannot tell a short stand that stands from a tall one that
+leans out. So the chance of every lean in every direction is kept. They make two modes, standing and leaning
+out; what is reported is the mean over both, with its deviation and the chance of the other one.
+
+How wide the header cuts says where the feet stand: as far from its end as is missing of its width. It may miss
+more, tramlines and holes, never less.
 """
 
-from math import acos, hypot, isnan, sqrt
-from typing import Protocol
+from dataclasses import dataclass
+from math import acos, erf, exp, hypot, isnan, pi, sqrt
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from swath.core.portable import exp
-from swath.core.units import DEG
+from swath.control.edge.profile import TOLERANCE, Clears
+from swath.core import portable
+from swath.core.units import DEG, PERCENT
 from swath.signals import F64
 
 # of a stand's usual height, mean and standard deviation of what is seen of it where it stands, and share of
 # the rays that it stops: 26 upright stands of six crops, five scanners, `empirical` and `plants`
 DENSE, THIN = (0.965, 0.03, 1.0), (0.77, 0.06, 0.75)
-LEANING = 0.2  # share of stands that lean or lie, by any angle of these
-_LEANS = DEG * np.arange(0.0, 75.0, 5.0)
-_TALL, _ASIDE = np.cos(_LEANS), np.sin(_LEANS)
-_PRIOR = np.array([1.0 - LEANING, *(len(_LEANS) - 1) * [LEANING / (len(_LEANS) - 1)]])
+WALL = 0.92  # of the height of the tops: where the wall of a stand that leans out is
+MISSED, HOLES_M = (
+    0.1,
+    2.0,
+)  # chance that the header misses crop elsewhere, too, evenly up to so much, estimated
+UNEVEN = 0.05  # m, standard deviation of the width over a metre of a ragged edge, estimated
+CUT_M = 10.0  # m of travel over which what the header cuts says how the stand leans, estimated
+STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may, and that must show a ramp
+STANDS = 15.0 * DEG  # smaller leans are those of a stand that stands
+RAMPS = 0.95  # chance at most that what seems a ramp is one, estimated
+_NORMAL, _OF_NORMAL = (
+    sqrt(3.0) * np.array([-1.0, 0.0, 1.0]),
+    np.array([1.0, 4.0, 1.0]) / 6.0,
+)  # Gauss and Hermite
+_LEANS, _DIRECTIONS = DEG * np.arange(0.0, 75.0, 2.5), pi * ((np.arange(16) + 0.5) / 16 - 0.5)
+_TALL = np.cos(_LEANS)
+_OUT = np.tan(_LEANS)[:, None] * np.sin(
+    _DIRECTIONS
+)  # tangents of the lean out over the edge, in half a turn of directions
+_HANGS = WALL * np.maximum(_OUT, -STEEPER)  # of the feet behind the edge of the tops, of their height
+_NO_RAMP = 1.0 - np.clip((-_OUT - STEEP) / (STEEPER - STEEP), 0.0, 1.0)  # chance that a lean in shows none
+
+
+class Mode(NamedTuple):
+    """How far the feet stand behind the edge of the tops, mean and deviation [m], with what chance."""
+
+    chance: float = 1.0
+    mean: float = 0.0
+    sd: float = 0.0
+
+
+NO_MODE = Mode(0.0)
+
+
+@dataclass(frozen=True)
+class Hang:
+    """The two modes of a stand: it stands, or it leans out."""
+
+    stands: Mode
+    leans: Mode = NO_MODE
+
+    @property
+    def mean(self) -> float:
+        """Over both modes [m]."""
+        return self.stands.chance * self.stands.mean + self.leans.chance * self.leans.mean
+
+    @property
+    def sd(self) -> float:
+        """Deviation from `mean` over both modes [m]."""
+        mean = self.mean
+        return sqrt(sum(m.chance * (m.sd**2 + (m.mean - mean) ** 2) for m in (self.stands, self.leans)))
+
+    @property
+    def other(self) -> Mode:
+        """The mode that is less likely."""
+        return min(self.stands, self.leans)
+
+    def within(self, known: float) -> float:
+        """Chance of feet within TOLERANCE of where they are told, all else known to `known` [m]."""
+        mean, total = self.mean, 0.0
+        for mode in (self.stands, self.leans):
+            sd, away = sqrt(2.0) * hypot(known, mode.sd), mode.mean - mean
+            total += 0.5 * mode.chance * (erf((TOLERANCE - away) / sd) + erf((TOLERANCE + away) / sd))
+        return total
+
+
+def joined(one: Mode, other: Mode) -> Mode:
+    """Two modes as one."""
+    whole = max(one.chance + other.chance, 1e-12)
+    return Mode(whole, *mixed(one.chance / whole, one[1:], other[1:]))
+
+
+class CutWidth(Clears):
+    """How wide the header cuts beside where the canopy's edge is seen, over the last metres.
+
+    sd: standard deviation of the width's error that a whole run has alike [m]
+    """
+
+    kept = ("_way", "_missing", "_beside")
+
+    def __init__(self, sd: float) -> None:
+        self._sd = sd
+        super().__init__()
+
+    def clear(self) -> None:
+        """Nothing cut yet."""
+        self._way = 0.0  # of travel, as much as is remembered [m]
+        self._missing = self._beside = 0.0  # sums over it
+
+    def add(self, missing: float, beside: float, travel: float) -> None:
+        """Over a travel [m] so much of the header's width cut nothing [m], while feet at the canopy's edge
+        would stand `beside` the header's end [m], > 0 toward the crop.
+        """
+        keep = exp(-travel / CUT_M)
+        self._way = keep * self._way + travel
+        self._missing = keep * self._missing + travel * missing
+        self._beside = keep * self._beside + travel * beside
+
+    def likelihood(self, hangs: F64) -> F64:
+        """Of the feet so far behind the canopy's edge [m]; 1 where nothing was cut."""
+        if not self._way > 0.0:
+            return np.ones_like(hangs)
+        sd = hypot(self._sd, UNEVEN / sqrt(max(self._way, 1.0)))
+        more = self._missing / self._way - np.maximum(self._beside / self._way + hangs, 0.0)
+        own = portable.exp(-0.5 * (more / sd) ** 2) / (sqrt(2.0 * pi) * sd)
+        holes = np.where((more > 0.0) & (more < HOLES_M), 1.0 / HOLES_M, 0.0)
+        return np.asarray((1.0 - MISSED) * own + MISSED * holes + 1e-9)
 
 
 class Overhang(Protocol):
-    """(how far the feet stand behind the edge of the tops [m], standard deviation [m])."""
+    """How far the feet stand behind the edge of the tops."""
 
-    def of(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
-        """Overhang [m] and its standard deviation for a crop height, a share of rays stopped and a ramp."""
+    def of(self, crop: float, crop_sd: float, stopped: float, ramp: Mode, cut: CutWidth) -> Hang:
+        """For a crop height and its deviation [m], a share of rays stopped, a ramp, and what is cut."""
 
 
 class HeightOverhang:
-    """What one scanner can know: the size from the height, not the direction.
+    """What one scanner can know, and the header.
 
-    upright: height of the crop where it stands upright [m], 0 = unknown
+    upright: height of the crop where it stands upright [m], 0 = unknown; percent: its standard deviation
+    lean_deg: how far stands lean in the mean, in any direction
     view: height of the scanner [m], over which it sees no tops
     """
 
-    def __init__(self, upright: float, view: float) -> None:
+    def __init__(self, upright: float, percent: float, lean_deg: float, view: float) -> None:
         self._upright, self._most = upright, min(view / upright, 1.0) if upright > 0.0 else 1.0
+        self._sd = PERCENT * percent
+        prior = portable.exp(-_LEANS / (DEG * max(lean_deg, 0.1)))
+        self._prior = (prior / float(prior.sum()))[:, None]
 
     def lean(self, crop: float, stopped: float) -> float:
         """Lean of the stems off the vertical [rad], 0 where crop of this height [m] may as well stand.
 
         stopped: share of the rays in the crop that it stopped
         """
-        if not (self._upright > 0.0 and self._chance(crop, 0.0, stopped)[0] < 0.5):
+        if not (self._upright > 0.0 and float(self._chance(crop, 0.0, stopped)[_LEANS < STANDS].sum()) < 0.5):
             return 0.0
         return acos(min(max(crop, 0.0) / (self._upright * _seen(stopped)[0]), 1.0))
 
-    def of(self, crop: float, crop_sd: float, stopped: float, ramp: float) -> tuple[float, float]:
-        """As `Overhang`. crop: over the ground, and its deviation [m]; ramp: how sure a lean inward is, 0..1.
-
-        Tops that lean lie no farther off than stems of that height reach, evenly anywhere up to there.
-        """
-        if isnan(crop):
-            return 0.0, self._upright / 3.0  # any height up to that, leaning or not
+    def of(self, crop: float, crop_sd: float, stopped: float, ramp: Mode, cut: CutWidth) -> Hang:
+        """As `Overhang`. crop: over the ground, and its deviation [m]; ramp: of a stand that leans inward."""
+        rest = 1.0 - min(ramp.chance, RAMPS)
+        if isnan(crop):  # any height up to that, leaning or not
+            any_mode = Mode(rest, 0.0, self._upright / 3.0)
+            return Hang(joined(any_mode, Mode(1.0 - rest, ramp.mean, ramp.sd)))
         if not self._upright > 0.0:
-            return 0.0, 0.0
-        aside = float((self._chance(crop, crop_sd, stopped) * _ASIDE**2).sum())
-        return 0.0, self._upright * sqrt((1.0 - ramp) * aside / 3.0)
+            return Hang(joined(Mode(rest), Mode(1.0 - rest, ramp.mean, ramp.sd)))
+        chance = self._chance(crop, crop_sd, stopped) * _NO_RAMP
+        ramps = ramp.mean + ramp.sd * _NORMAL
+        hangs = np.concatenate([(crop * _HANGS).ravel(), ramps])
+        chance = np.concatenate([rest / float(chance.sum()) * chance.ravel(), (1.0 - rest) * _OF_NORMAL])
+        chance *= cut.likelihood(hangs)
+        chance /= float(chance.sum())
+        leans = hangs > TOLERANCE
+        return Hang(_mode(chance[~leans], hangs[~leans]), _mode(chance[leans], hangs[leans]))
 
     def _chance(self, crop: float, crop_sd: float, stopped: float) -> F64:
-        """Chance of every lean after a height was seen."""
-        mean, sd = _seen(stopped)
+        """Chance of every lean in every direction after a height was seen, (leans, 1)."""
+        mean, seen_sd = _seen(stopped)
         tall = mean * np.minimum(_TALL, self._most)
-        sd = hypot(sd, crop_sd / self._upright)
-        away = (min(crop / self._upright, mean + sd) - tall) / sd  # higher: it is no crop of that height
-        chance = _PRIOR * exp(-0.5 * away**2)
+        sd = np.sqrt(seen_sd**2 + (crop_sd / self._upright) ** 2 + (self._sd * tall) ** 2)
+        away = (min(crop / self._upright, mean + seen_sd) - tall) / sd  # higher: it is no crop of that height
+        chance = self._prior * (portable.exp(-0.5 * away**2) / sd)[:, None]
         return np.asarray(chance / max(float(chance.sum()), 1e-300))
 
 
@@ -77,7 +195,20 @@ def density(stopped: float) -> float:
     return min(max((stopped - THIN[2]) / (DENSE[2] - THIN[2]), 0.0), 1.0)
 
 
+def _mode(chance: F64, hangs: F64) -> Mode:
+    total = max(float(chance.sum()), 1e-12)
+    mean = float((chance * hangs).sum()) / total
+    return Mode(total, mean, sqrt(float((chance * (hangs - mean) ** 2).sum()) / total))
+
+
 def _seen(stopped: float) -> tuple[float, float]:
     """Mean and standard deviation of the height at which a stand is seen that stands, of its usual one."""
     share = density(stopped)
     return THIN[0] + share * (DENSE[0] - THIN[0]), THIN[1] + share * (DENSE[1] - THIN[1])
+
+
+def mixed(share: float, one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    """Mean and standard deviation of two that may hold, the first with a chance `share`."""
+    rest = 1.0 - share
+    variance = share * one[1] ** 2 + rest * other[1] ** 2 + share * rest * (one[0] - other[0]) ** 2
+    return share * one[0] + rest * other[0], sqrt(variance)
