@@ -34,6 +34,7 @@ from typing import Any
 
 import numpy as np
 from edge_hard import BEGIN, DUST, EDGE, STAND
+from edge_worlds import Line
 
 from swath.core.component import Port
 from swath.core.errors import SwathError
@@ -71,7 +72,6 @@ WIDE_ODDS = [0.3, 0.16, 0.14, 0.1, 0.16, 0.14]
 STUBBLE, TALLEST_STUBBLE = (0.05, 0.45), 0.6  # m; of the crop's height
 HEIGHTS = {"wheat": 0.85, "barley": 0.8, "rape": 1.4, "soy": 0.85, "rye": 1.4, "maize": 2.4}  # m, usual
 UNSEEN_SCANNERS, UNSEEN_CROP, UNSEEN_HEIGHT = ("sick-lms291", "hokuyo-utm-30lx"), "rye", 2.7
-TEETH_OVER = 2.0  # m: standard deviation of the weights with which teeth are averaged to a line
 
 
 # ---- What makes an edge hard: (rng, side: +1 crop on the right) -> settings
@@ -313,37 +313,6 @@ def world_of(sets: Sets, level: str, lidar: str) -> World:
 
 
 # ---- Errors
-class Line:
-    """The line to be steered along: the edge without gaps, with the mean of its teeth."""
-
-    def __init__(self, edge: Any, teeth: Any) -> None:
-        self.edge, self.teeth = edge, teeth
-
-    @classmethod
-    def of(cls, world: World) -> "Line":
-        edge = world.leader.edge
-        return cls(edge, next(e.teeth for e in world.field.edges.values() if e.shape is edge))
-
-    def inside(self, points: Any) -> Any:
-        """How far inside the line world points lie [m]."""
-        x, y = np.array(points, dtype=float).reshape(-1, 3)[:, :2].T
-        depth = np.asarray(self.edge.signed_distance(x, y))
-        if self.teeth is None:
-            return depth
-        s = self.edge.project(x, y)[0]
-        away = np.linspace(-3.0, 3.0, 61) * TEETH_OVER
-        weight = np.exp(-0.5 * (away / TEETH_OVER) ** 2)
-        near = self.teeth.depth((s[:, None] + away).ravel()).reshape(-1, len(away))
-        return depth - near @ weight / weight.sum()
-
-    def ahead(self, pose: Any, x: float, y: float) -> float:
-        """Lateral place [m] of the line in the machine frame at a place ahead, from a first guess."""
-        for _ in range(4):
-            a, b = self.inside([pose.apply([x, y, 0.0]), pose.apply([x, y + 0.01, 0.0])])
-            y -= float(np.clip(0.01 * a / (b - a if abs(b - a) > 1e-3 else 1e-3), -2.0, 2.0))
-        return y
-
-
 class Recorder:
     """Stands in for an edge detector: keeps what it is given, and tells the true line (`line`, once set)."""
 

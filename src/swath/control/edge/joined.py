@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from swath.control.edge.feet.overhang import CutWidth, Hang, HeightOverhang, Mode, density, joined
+from swath.control.edge.feet.overhang import CutWidth, Hang, HeightOverhang, Mode, density
 from swath.control.edge.feet.stem_lean import StemLean
 from swath.control.edge.likelihood_ratio import UNSURE, LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
@@ -125,9 +125,9 @@ class Joined(KeepsState):
             self._told, self._since = self._lean.outward(low), 0.0
         lean, sd = self._told
         if low == 0.0 and lean < 2.0 * sd:
-            return Hang(joined(Mode(1.0 - ramp.chance), ramp))
+            return Hang.normal(Mode(1.0 - ramp.chance), ramp)
         share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN))
-        return Hang(ramp, Mode(1.0 - ramp.chance, share * lean, share * hypot(sd, MODEL)))
+        return Hang.normal(ramp, Mode(1.0 - ramp.chance, share * lean, share * hypot(sd, MODEL)))
 
     def _look(self, inputs: Inputs, travel: float) -> None:
         """Take the brightness of what stands in the crop, where an edge was found before."""

@@ -6,8 +6,8 @@ a tenth or two of itself: one scanner on one side cannot tell a short stand that
 leans out. So the chance of every lean in every direction is kept. They make two modes, standing and leaning
 out; what is reported is the mean over both, with its deviation and the chance of the other one.
 
-How wide the header cuts says where the feet stand: as far from its end as is missing of its width. It may miss
-more, tramlines and holes, never less.
+How wide the header cuts says where the feet stand: as far from its end as is missing of its width. It may
+miss more, tramlines and holes, never less.
 """
 
 from dataclasses import dataclass
@@ -25,24 +25,22 @@ from swath.signals import F64
 # the rays that it stops: 26 upright stands of six crops, five scanners, `empirical` and `plants`
 DENSE, THIN = (0.965, 0.03, 1.0), (0.77, 0.06, 0.75)
 WALL = 0.92  # of the height of the tops: where the wall of a stand that leans out is
-MISSED, HOLES_M = (
-    0.1,
-    2.0,
-)  # chance that the header misses crop elsewhere, too, evenly up to so much, estimated
+# chance that the header misses crop elsewhere, too, evenly up to so much [m], estimated
+MISSED, HOLES_M = 0.1, 2.0
 UNEVEN = 0.05  # m, standard deviation of the width over a metre of a ragged edge, estimated
 CUT_M = 10.0  # m of travel over which what the header cuts says how the stand leans, estimated
 STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may, and that must show a ramp
 STANDS = 15.0 * DEG  # smaller leans are those of a stand that stands
-RAMPS = 0.95  # chance at most that what seems a ramp is one, estimated
-_NORMAL, _OF_NORMAL = (
-    sqrt(3.0) * np.array([-1.0, 0.0, 1.0]),
-    np.array([1.0, 4.0, 1.0]) / 6.0,
-)  # Gauss and Hermite
+RAMPS = 0.98  # chance at most that what seems a ramp is one, estimated
 _LEANS, _DIRECTIONS = DEG * np.arange(0.0, 75.0, 2.5), pi * ((np.arange(16) + 0.5) / 16 - 0.5)
+PLACE, NEVER = 0.025, 1e-6  # m between places that a hang may have; chance that is none
+PLACES = PLACE * np.arange(-20.0, 80.0)
+_OUTSIDE = PLACES > TOLERANCE
+_NORMAL = np.arange(-2.5, 2.6, 0.25)  # deviations that stand for a normal
+_OF_NORMAL = portable.exp(-0.5 * _NORMAL**2) / float(portable.exp(-0.5 * _NORMAL**2).sum())
 _TALL = np.cos(_LEANS)
-_OUT = np.tan(_LEANS)[:, None] * np.sin(
-    _DIRECTIONS
-)  # tangents of the lean out over the edge, in half a turn of directions
+# tangents of the lean out over the edge, in half a turn of directions
+_OUT = np.tan(_LEANS)[:, None] * np.sin(_DIRECTIONS)
 _HANGS = WALL * np.maximum(_OUT, -STEEPER)  # of the feet behind the edge of the tops, of their height
 _NO_RAMP = 1.0 - np.clip((-_OUT - STEEP) / (STEEPER - STEEP), 0.0, 1.0)  # chance that a lean in shows none
 
@@ -55,45 +53,49 @@ class Mode(NamedTuple):
     sd: float = 0.0
 
 
-NO_MODE = Mode(0.0)
-
-
 @dataclass(frozen=True)
 class Hang:
-    """The two modes of a stand: it stands, or it leans out."""
+    """How far the feet stand behind the edge of the tops. chance: of each place of PLACES, (places,)."""
 
-    stands: Mode
-    leans: Mode = NO_MODE
+    chance: F64
+
+    @classmethod
+    def of(cls, hangs: F64, chance: F64) -> "Hang":
+        """From hangs [m] and their chances up to a factor, (n,)."""
+        k = np.clip(np.rint((hangs - PLACES[0]) / PLACE), 0.0, len(PLACES) - 1.0).astype(np.int64)
+        counts = np.bincount(k, chance, len(PLACES))
+        return cls(counts / float(counts.sum()))
+
+    @classmethod
+    def normal(cls, *modes: Mode) -> "Hang":
+        """From modes that are each normal."""
+        means, sds = (np.repeat([mode[k] for mode in modes], len(_NORMAL)) for k in (1, 2))
+        chance = np.repeat([mode.chance for mode in modes], len(_NORMAL)) * np.tile(_OF_NORMAL, len(modes))
+        return cls.of(means + sds * np.tile(_NORMAL, len(modes)), chance)
 
     @property
     def mean(self) -> float:
-        """Over both modes [m]."""
-        return self.stands.chance * self.stands.mean + self.leans.chance * self.leans.mean
+        """Over all places [m]."""
+        return float((self.chance * PLACES).sum())
 
     @property
     def sd(self) -> float:
-        """Deviation from `mean` over both modes [m]."""
-        mean = self.mean
-        return sqrt(sum(m.chance * (m.sd**2 + (m.mean - mean) ** 2) for m in (self.stands, self.leans)))
+        """Deviation from `mean` [m]."""
+        return sqrt(float((self.chance * (PLACES - self.mean) ** 2).sum()))
 
     @property
     def other(self) -> Mode:
-        """The mode that is less likely."""
-        return min(self.stands, self.leans)
+        """The mode, leaning out or not, that is less likely."""
+        return min(_mode(self.chance[side], PLACES[side]) for side in (_OUTSIDE, ~_OUTSIDE))
 
     def within(self, known: float) -> float:
         """Chance of feet within TOLERANCE of where they are told, all else known to `known` [m]."""
-        mean, total = self.mean, 0.0
-        for mode in (self.stands, self.leans):
-            sd, away = sqrt(2.0) * hypot(known, mode.sd), mode.mean - mean
-            total += 0.5 * mode.chance * (erf((TOLERANCE - away) / sd) + erf((TOLERANCE + away) / sd))
+        mean, scale, total = self.mean, 1.0 / (sqrt(2.0) * known), 0.0
+        for k in np.flatnonzero(self.chance > NEVER).tolist():
+            away = float(PLACES[k]) - mean
+            both = erf((TOLERANCE - away) * scale) + erf((TOLERANCE + away) * scale)
+            total += 0.5 * float(self.chance[k]) * both
         return total
-
-
-def joined(one: Mode, other: Mode) -> Mode:
-    """Two modes as one."""
-    whole = max(one.chance + other.chance, 1e-12)
-    return Mode(whole, *mixed(one.chance / whole, one[1:], other[1:]))
 
 
 class CutWidth(Clears):
@@ -165,27 +167,23 @@ class HeightOverhang:
 
     def of(self, crop: float, crop_sd: float, stopped: float, ramp: Mode, cut: CutWidth) -> Hang:
         """As `Overhang`. crop: over the ground, and its deviation [m]; ramp: of a stand that leans inward."""
-        rest = 1.0 - min(ramp.chance, RAMPS)
-        if isnan(crop):  # any height up to that, leaning or not
-            any_mode = Mode(rest, 0.0, self._upright / 3.0)
-            return Hang(joined(any_mode, Mode(1.0 - rest, ramp.mean, ramp.sd)))
-        if not self._upright > 0.0:
-            return Hang(joined(Mode(rest), Mode(1.0 - rest, ramp.mean, ramp.sd)))
+        ramp = ramp._replace(chance=min(ramp.chance, RAMPS))
+        rest = 1.0 - ramp.chance
+        if isnan(crop) or not self._upright > 0.0:  # any height up to that, leaning or not
+            return Hang.normal(Mode(rest, 0.0, self._upright / 3.0), ramp)
         chance = self._chance(crop, crop_sd, stopped) * _NO_RAMP
-        ramps = ramp.mean + ramp.sd * _NORMAL
-        hangs = np.concatenate([(crop * _HANGS).ravel(), ramps])
-        chance = np.concatenate([rest / float(chance.sum()) * chance.ravel(), (1.0 - rest) * _OF_NORMAL])
-        chance *= cut.likelihood(hangs)
-        chance /= float(chance.sum())
-        leans = hangs > TOLERANCE
-        return Hang(_mode(chance[~leans], hangs[~leans]), _mode(chance[leans], hangs[leans]))
+        tops = min(crop, self._upright * (1.0 + self._sd))  # higher: it is no crop of that height
+        hangs = np.concatenate([(tops * _HANGS).ravel(), ramp.mean + ramp.sd * _NORMAL])
+        rest /= float(chance.sum())
+        chance = np.concatenate([rest * chance.ravel(), ramp.chance * _OF_NORMAL])
+        return Hang.of(hangs, chance * cut.likelihood(hangs))
 
     def _chance(self, crop: float, crop_sd: float, stopped: float) -> F64:
         """Chance of every lean in every direction after a height was seen, (leans, 1)."""
         mean, seen_sd = _seen(stopped)
         tall = mean * np.minimum(_TALL, self._most)
         sd = np.sqrt(seen_sd**2 + (crop_sd / self._upright) ** 2 + (self._sd * tall) ** 2)
-        away = (min(crop / self._upright, mean + seen_sd) - tall) / sd  # higher: it is no crop of that height
+        away = (min(crop / self._upright, mean + seen_sd) - tall) / sd
         chance = self._prior * (portable.exp(-0.5 * away**2) / sd)[:, None]
         return np.asarray(chance / max(float(chance.sum()), 1e-300))
 

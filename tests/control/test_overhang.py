@@ -1,0 +1,121 @@
+"""Feet behind the edge of tops: drawn stands against what is told of them."""
+
+import numpy as np
+import pytest
+
+from swath.control.edge.feet.overhang import HOLES_M, PLACES, WALL, CutWidth, HeightOverhang, Mode
+from swath.control.edge.profile import TOLERANCE
+
+NO_MODE = Mode(0.0)
+USUAL, PERCENT, LEAN_DEG, CUT_SD = 0.9, 14.0, 20.0, 0.03
+
+
+def usual(upright=USUAL, view=3.0, **more):
+    return HeightOverhang(upright, more.get("percent", PERCENT), more.get("lean_deg", LEAN_DEG), view)
+
+
+def nothing_cut():
+    return CutWidth(CUT_SD)
+
+
+def cut(hang, beside=0.1, bias=0.0, holes=0.0, metres=10, noise=0.0, rng=None):
+    """What the header says of feet `hang` behind the tops' edge, where it stands `beside` those."""
+    width = CutWidth(CUT_SD)
+    for _ in range(metres):
+        wrong = bias + noise * (rng.standard_normal() if rng else 0.0)
+        width.add(max(max(beside + hang, 0.0) + holes + wrong, 0.0), beside, 1.0)
+    return width
+
+
+def leans(hang):
+    """Chance of a lean out by more than the tolerance."""
+    return float(hang.chance[PLACES > TOLERANCE].sum())
+
+
+def stands(count, seed):
+    """(height of the tops, hang) of stands as the driver expects them that show no ramp."""
+    rng = np.random.default_rng(seed)
+    while count:
+        lean, turn = np.radians(min(rng.exponential(LEAN_DEG), 70.0)), rng.uniform(0.0, 2.0 * np.pi)
+        out = np.tan(lean) * np.sin(turn)
+        if out > -0.2:  # others show one
+            seen = 0.965 + 0.03 * rng.standard_normal()
+            tops = USUAL * max(1.0 + 0.01 * PERCENT * rng.standard_normal(), 0.4) * np.cos(lean) * seen
+            yield tops, WALL * out * tops, rng
+            count -= 1
+
+
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_modes_and_deviations_of_drawn_stands_hold(is_cut):
+    told, right, within = [], [], []
+    for tops, hang, rng in stands(600, 5):
+        width = nothing_cut()
+        if is_cut:
+            holes = rng.uniform(0.0, HOLES_M) if rng.uniform() < 0.1 else 0.0
+            width = cut(hang, bias=CUT_SD * rng.standard_normal(), noise=0.05, holes=holes, rng=rng)
+        found = usual().of(tops, 0.0, 1.0, NO_MODE, width)
+        told.append(found.within(0.01))
+        right.append(abs(hang - found.mean) <= TOLERANCE)
+        within.append(abs(hang - found.mean) <= 1.96 * found.sd)
+    print(f"told {np.mean(told):.3f}, right {np.mean(right):.3f}, band {np.mean(within):.3f}")
+    assert np.mean(told) == pytest.approx(np.mean(right), abs=0.06)
+    assert 0.90 < np.mean(within) < 0.99
+    assert np.mean(right) > (0.85 if is_cut else 0.5)
+    unsure = np.array(told) < 0.5
+    if unsure.sum() > 50:
+        assert np.mean(np.array(right)[unsure]) < 0.6
+
+
+@pytest.mark.parametrize("hang", [0.0, 0.25, 0.4])
+@pytest.mark.parametrize("bias", [-0.05, 0.0, 0.05])
+def test_a_header_that_is_not_full_shows_a_lean_out(hang, bias):
+    """Alike in height: a short stand that stands, a tall one that leans out."""
+    found = usual().of(0.87, 0.02, 1.0, NO_MODE, cut(hang, bias=bias))
+    assert (leans(found) > 0.5) == (hang > 0.0)
+    assert abs(found.mean - hang) < 2.0 * found.sd
+    assert found.other.chance < 0.5
+    if hang == 0.0 and bias == 0.0:
+        assert found.within(0.035) > 0.93
+
+
+def test_holes_make_a_stand_unsure_but_never_one_that_leans_in():
+    for holes in np.linspace(0.1, 1.9, 10):
+        found = usual().of(0.87, 0.02, 1.0, NO_MODE, cut(0.0, holes=float(holes)))
+        assert found.mean > -0.08
+    far = usual().of(0.87, 0.02, 1.0, NO_MODE, cut(0.0, holes=1.5))
+    before = usual().of(0.87, 0.02, 1.0, NO_MODE, nothing_cut())
+    assert far.mean == pytest.approx(before.mean, abs=0.03)
+
+
+def test_a_ramp_that_the_header_contradicts_is_none():
+    ramp = Mode(1.0, 0.27, 0.05)
+    alone = usual().of(0.8, 0.02, 1.0, ramp, nothing_cut())
+    against = usual().of(0.8, 0.02, 1.0, ramp, cut(0.0))
+    assert alone.mean == pytest.approx(0.27, abs=0.02)
+    assert abs(against.mean) < 0.1
+
+
+def test_a_lean_that_may_be_is_told_without_a_step():
+    """Over heights from well below the usual one up to it, and over ramps, the deviation nowhere jumps."""
+    hang = usual(percent=3.0)
+    by_height = [hang.of(z, 0.03, 1.0, NO_MODE, nothing_cut()).sd for z in np.linspace(0.6, 0.95, 200)]
+    ramps = [Mode(share, -0.1, 0.03) for share in np.linspace(0.0, 1.0, 200)]
+    by_ramp = [hang.of(0.6, 0.03, 1.0, ramp, nothing_cut()).sd for ramp in ramps]
+    assert by_height[0] > 2.0 * by_height[-1]
+    assert np.abs(np.diff(by_height)).max() < 0.02
+    assert np.abs(np.diff(by_ramp)).max() < 0.03
+    assert by_ramp[-1] < 0.4 * by_ramp[0]
+    unknown = hang.of(float("nan"), 0.1, 0.0, NO_MODE, nothing_cut())
+    assert unknown.sd > 0.2  # not known how high it stands: nor how it leans
+
+
+def test_a_height_says_less_of_a_thin_stand_and_of_one_that_ends_above_the_scanner():
+    sure = {"percent": 3.0, "lean_deg": 10.0}
+    low, thin, above = (
+        leans(usual(view=view, **sure).of(0.7, 0.03, stopped, NO_MODE, nothing_cut()))
+        for view, stopped in ((3.0, 1.0), (3.0, 0.75), (0.75, 1.0))
+    )
+    assert low > 0.3
+    assert max(thin, above) < 0.7 * low
+    assert usual(**sure).lean(0.7, 1.0) > 0.5
+    assert usual(**sure).lean(0.85, 1.0) == 0.0
