@@ -6,8 +6,8 @@ import numpy as np
 
 from swath.control.edge.otsu import Otsu, Params
 from swath.core.random import Stream
-from swath.signals import Inertial, Odometry
-from tests.control.closed_loop import Course, setup_of
+from swath.signals import CropFlow, Inertial, Odometry
+from tests.control.closed_loop import MACHINE, Course, setup_of
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 
 PERIOD, SPEED = 40_000_000, 2.0
@@ -72,12 +72,13 @@ def drive(
 
 def along(
     level, course=None, *, metres=20.0, side="left", stand=None, speed=SPEED, seed=0, y=0.1, inside=None,
-    mounted=None, begin=0, hz=25.0, scanner=None, **made,
+    mounted=None, begin=0, hz=25.0, scanner=None, cut=None, **made,
 ):  # fmt: skip
     """(edges, their errors [m], > 0 to the left) of a machine that drives along its course.
 
     level(side, mounted=..., **made) makes the detector; begin: periods that it has behind it; hz: scans per
-    second; scanner: what it has otherwise than usual
+    second; scanner: what it has otherwise than usual; cut: (bias, noise [m]) of the width that the header
+    says it cuts, which is otherwise not known
     """
     sign = 1.0 if side == "left" else -1.0
     course = course or Course(y=6.0 * sign)
@@ -94,6 +95,12 @@ def along(
         scan = scanner.scan((k + 1) * period, pose, rng)
         steering = float(np.arctan(3.9 * yaw_rate / speed))
         inputs = {"scan": scan, "odometry": Odometry(0, speed, yaw_rate, steering)}
+        if cut is not None:
+            (x, end), width = MACHINE.header_end(side), MACHINE.header_width
+            missing = max(sign * (end - course.seen_from(pose, x - 0.5)[0]), 0.0)
+            missing = max(missing + cut[0] + cut[1] * rng.standard_normal(), 0.0)
+            fill = max(1.0 - missing / width, 0.0)
+            inputs["flow"] = CropFlow(k * period, 0.0, 0.0, 0.0, 0, fill, 1.0 / hz)
         edge = detector.step(k * period, period, inputs)["edge"]
         edges.append(edge)
         wrong.append(edge.offset - course.seen_from(pose, edge.reference_x)[0])

@@ -42,6 +42,12 @@ def test_slower_the_less_sure(confidence, kmh):
     assert after(replace(SEEN, confidence=confidence))[1] == pytest.approx(kmh * KMH)
 
 
+@pytest.mark.parametrize(("away", "chance", "kmh"), [(0.5, 0.25, 6.0), (-0.5, 0.5, 5.0), (0.2, 0.5, 7.0)])
+def test_slower_the_more_likely_another_place_is_beyond_the_room(away, chance, kmh):
+    edge = replace(SEEN, other_offset=SEEN.offset + away, other_chance=chance)
+    assert after(edge)[1] == pytest.approx(kmh * KMH)
+
+
 def test_bends_are_driven_slowly():
     assert after(replace(SEEN, curvature=-1 / 12))[1] == pytest.approx((0.1 * 12) ** 0.5, rel=0.02)
 

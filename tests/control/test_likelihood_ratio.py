@@ -117,6 +117,24 @@ def test_a_stand_that_may_lean_out_is_not_sure(made, least, most):
     assert least < edges[-1].confidence < most
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("tilt", [0.0, -0.35, -0.55])
+def test_a_header_that_cuts_less_shows_a_stand_that_leans_out(tilt, side):
+    """As high as one that stands; how wide the header cuts is biased and noisy."""
+    stand = {"tilt": tilt, "lean": 0.1}
+    alone, off = drive(stand=stand, side=side, usual=0.85)
+    edges, error = drive(stand=stand, side=side, usual=0.85, cut=(0.04, 0.1))
+    worst = np.abs(error[175:]).max()
+    assert worst < (0.08 if tilt == 0.0 else 0.6 * np.abs(off[175:]).max())
+    assert all(abs(e) < 2.5 * edge.offset_sd for e, edge in zip(error[200:], edges[200:], strict=True))
+    if tilt == 0.0:
+        assert edges[-1].confidence > alone[-1].confidence
+    else:
+        assert not any(
+            e.confidence > 0.5 and abs(o) > 0.3 for e, o in zip(edges[200:], error[200:], strict=True)
+        )
+
+
 @pytest.mark.parametrize("tilt", [0.23, 0.6])
 def test_the_feet_of_a_stand_that_leans_in_are_found(tilt):
     """Its middle height is 10 to 25 cm further in than its feet."""
