@@ -31,20 +31,20 @@ def rays(edge, top, lost, rng, count=120, swallowed=(0.0, 0.0)):
     return RayAnswers(cells, stands, none, 0.4 * count, count, none, np.isfinite(none), none, none)
 
 
-def follow(edges, seed, *, tops=(0.85,), levels=(0.0,), lost=0.0, swallowed=()):
+def follow(edges, seed, *, tops=(0.85,), lost=0.0, swallowed=()):
     """(track, blocks followed after each block) past edges beside the way [m], block by block.
 
-    tops: heights of the crop [m]; levels: of the ground [m]; the last one stays
+    tops: heights of the crop [m]; the last one stays
     swallowed: of each of the last blocks, as `rays` has it
     """
     track, rng, followed = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed), []
     for k, edge in enumerate(edges):
-        top, level = (values[min(k, len(values) - 1)] for values in (tops, levels))
+        top = tops[min(k, len(tops) - 1)]
         strip = ((0.0, 0.0),) * (len(edges) - len(swallowed)) + tuple(swallowed)
         for n in range(SCANS):
             at, arc = (TRAVEL * (SCANS * k + n), 0.0, 0.0), track.track.arc
             frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
-            track.add(rays(edge - frame.u, top, lost, rng, swallowed=strip[k]), TRAVEL, frame, at, level)
+            track.add(rays(edge - frame.u, top, lost, rng, swallowed=strip[k]), TRAVEL, frame, at, 0.0)
         followed.append(track.followed)
     return track, followed
 
@@ -95,11 +95,12 @@ def test_where_dust_hides_the_strip_about_the_edge_the_track_goes_on_and_says_so
     assert track.agreed < 0.5 * seen.agreed
 
 
-def test_crop_that_seems_to_rise_on_rolling_ground_is_no_front():
-    tops = (0.35, 0.5, 0.65, 0.8, 0.95)
-    level, rolling = (follow([0.0] * 6, 3, tops=tops, levels=fall * np.arange(6))[1] for fall in (0.0, -0.15))
-    assert level[:4] == [0] * 4
-    assert rolling[1:] == [1, 2, 3, 4, 5]
+def test_crop_that_rises_from_block_to_block_is_a_front():
+    rising, level = (
+        follow([0.0] * 6, 3, tops=tops)[1] for tops in ((0.35, 0.5, 0.65, 0.8, 0.95), 5 * (0.65,))
+    )
+    assert rising[:4] == [0] * 4
+    assert level[1:] == [1, 2, 3, 4, 5]
 
 
 def test_an_edge_first_seen_far_ahead_is_told_where_the_machine_is():

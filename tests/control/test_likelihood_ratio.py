@@ -180,19 +180,6 @@ def test_dust_is_no_tall_crop(comes_again, height):
     assert populations.heights()[0] == pytest.approx(height, abs=0.15)
 
 
-def test_heights_are_above_the_ground_that_the_wheels_stand_on():
-    """The same layers over a plane of stubble that is seen 0.3 m over the wheels."""
-    populations, sides = Populations(), np.zeros((4, CLASSES))
-    sides[::2, round((0.6 - LOWEST) / LAYER)], sides[1::2, round(-LOWEST / LAYER)] = 300.0, 300.0
-    populations.begin(sides)
-    over_plane, rng = populations.heights()[:2], np.random.default_rng(1)
-    for level in 0.3 + 0.05 * rng.standard_normal(200):
-        populations.lies(level, 0.1)
-    assert np.array(populations.heights()[:2]) - over_plane == pytest.approx(0.3, abs=0.02)
-    assert populations.top() == over_plane[0]
-    assert 0.01 < populations.plane_sd < 0.06
-
-
 def rows_seen(rows, seed, spread=0.06, turned=0.0):
     """Feet that saw 8 m of tops over rows [m], or anywhere; turned: the edge since, away from them [rad]."""
     feet, rng = CanopyFeet(0.75, 3.0), np.random.default_rng(seed)

@@ -20,6 +20,7 @@ from swath.core.schedule import NS
 from swath.signals import F64, Inertial
 
 SETTLE_S = 3.0  # time constant of the pull of gravity [s]
+SURE_S = 1.0  # s of samples, over which their noise has become small beside a slope, estimated
 LEAST_S = 1e-6  # samples of one moment
 BIAS_S = 30.0  # the same of the gyroscopes' bias [s]
 CRAB = 0.27  # side slip per side force in g: about 1 / the tyres' cornering stiffness over load
@@ -114,6 +115,11 @@ class Inclination(KeepsState):
         """A vector of the unit's frame in that of the machine."""
         (a, b, c), (d, e, f), (g, h, i) = self._turn
         return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+    @property
+    def is_sure(self) -> bool:
+        """Samples came in for so long that their mean is known."""
+        return self._since >= SURE_S
 
     @property
     def up(self) -> F64:

@@ -121,7 +121,7 @@ class ArcTrack(Clears):
         """
         assert self.arc is not None
         now = self.arc.distance
-        while len(self._past) > 1 and self._past[-1].distance >= distance:
+        while len(self._past) > 1 and self._past[-1].distance >= distance - SAME:
             self._past.pop()
         if not self._past:
             return

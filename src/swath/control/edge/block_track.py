@@ -113,22 +113,19 @@ class BlockTrack(KeepsState):
         travel: float,
         frame: EdgeFrame,
         at: tuple[float, float, float],
-        level: float,
-        rise: float = 0.0,
+        stubble: float,
     ) -> None:
         """The rays of a scan in the edge's frame, as the machine sees it from `at` x, u [m], heading [rad].
 
-        level: of the stubble's plane at the edge [m]; rise: of the ground from where the crop is seen to
-        where the stubble is, further ahead, over which heights are counted [m]
+        stubble: height of its plane over the ground [m]
         """
         self._block.add(rays, travel)
         self._scans.append(rays)
-        self.populations.lies(level, travel)
         if self._lost is not None:
             self._lost = self._lost[0], self._lost[1] + travel
         if self._block.travel < BLOCK:
             return
-        self._lodging.ground(level, rise)
+        self._lodging.stubble = stubble
         if self.track.arc is None and self._is_taller():
             is_done = True
         elif self.track.arc is None:
@@ -181,7 +178,7 @@ class BlockTrack(KeepsState):
     def _is_front(self) -> bool:
         """The crop rises from block to block: what is seen is its front, from a headland before it."""
         now = self.populations.height_of(self._block.sides(0.0)[0])
-        return now > self.height + RISES and not self._lodging.is_uneven
+        return now > self.height + RISES
 
     def _is_another(self, frame: EdgeFrame, place: float, at: tuple[float, float, float]) -> bool:
         """An edge that lies beside the line just lost is not that edge, but the far wall of a hole."""

@@ -58,11 +58,15 @@ class Way:
 
 @wp.struct
 class Canopy:
-    """Plane of the stubble, height of the crop [m]; how far tops stand ahead and aside of feet [1]."""
+    """Plane of the stubble, seen about a place x [m] and rising ahead by `grade` [1]; height of the crop [m];
+    how far tops stand ahead and aside of feet [1].
+    """
 
     count: wp.float64
     level: wp.float64
     slope: wp.float64
+    x: wp.float64
+    grade: wp.float64
     height: wp.float64
     ahead: wp.float64
     aside: wp.float64
@@ -72,7 +76,7 @@ class Canopy:
 class Traced:
     """What falls: start and direction in (x, u, z), distance, nan = no echo; before: in the last scan.
 
-    stands: 1 = both are alike; of the stubble: u, z [m].
+    stands: 1 = both are alike; of the stubble: x, u, z [m].
     """
 
     start: wp.array(dtype=wp.vec3d)
@@ -80,6 +84,7 @@ class Traced:
     distance: wp.array(dtype=wp.float64)
     before: wp.array(dtype=wp.float64)
     stands: wp.array(dtype=int)
+    x: wp.array(dtype=wp.float64)
     u: wp.array(dtype=wp.float64)
     z: wp.array(dtype=wp.float64)
 
@@ -151,6 +156,7 @@ def trace(
                 p = start + aim * r
                 beside = place(way, p[0], p[1])[1]
                 if beside > way.low and beside < way.high and p[2] < GROUND_MOST and p[2] > GROUND_LEAST:
+                    rays.x[ground] = p[0]
                     rays.u[ground] = p[1] - way.edge_u
                     rays.z[ground] = p[2]
                     ground += 1
@@ -186,11 +192,16 @@ def trace(
 
 
 @wp.func
+def above_stubble(way: Way, crop: Canopy, p: wp.vec3d) -> wp.float64:
+    """Height of a point above the stubble side."""
+    return p[2] - crop.level - crop.slope * (p[1] - way.edge_u) - crop.grade * (p[0] - crop.x)
+
+
+@wp.func
 def crossing(way: Way, crop: Canopy, start: wp.vec3d, aim: wp.vec3d, height: wp.float64) -> wp.vec2d:
     """(along, beside) of where a ray is at a height above the stubble side, moved to the foot."""
-    falls = wp.min(aim[2] - crop.slope * aim[1], LEAST_FALL)
-    above = start[2] - crop.level - crop.slope * (start[1] - way.edge_u)
-    p = start + aim * wp.clamp((height - above) / falls, ZERO, FAR + FAR)
+    falls = wp.min(aim[2] - crop.slope * aim[1] - crop.grade * aim[0], LEAST_FALL)
+    p = start + aim * wp.clamp((height - above_stubble(way, crop, start)) / falls, ZERO, FAR + FAR)
     return place(way, p[0] - crop.ahead * height, p[1] - crop.aside * height)
 
 
@@ -223,7 +234,7 @@ def answer(
         r = rays.distance[i]
         if r == r:
             p = start + aim * r
-            height = p[2] - crop.level - crop.slope * (p[1] - way.edge_u)
+            height = above_stubble(way, crop, p)
             if r < NEAR or height > HEADROOM * crop.height + HEAD:
                 kind = DUST
             else:

@@ -71,22 +71,31 @@ class Ground(Clears):
 
     Weighted least squares on the echoes beside the edge; those far from the plane, weeds and straw, hardly
     count. The plane before is the prior, so that dust and gaps leave it.
+
+    middle: x and u - u0 of the echoes near it [m], None where the last scan showed too few
     """
 
-    kept = ("level", "slope", "is_known")
+    kept = ("level", "slope", "is_known", "middle")
 
     OUTSIDE = (-3.5, -0.25)  # m beside the edge
-    WORTH, FIRST_WORTH = (6.0, 60.0), (2.0, 20.0)  # echoes, and their m2, that the plane before is worth
+    WORTH, FIRST_WORTH = (6.0, 60.0), (2.0, 2.0)  # echoes, and their m2, that the plane before is worth
 
     def clear(self) -> None:
         """Take the ground as level with the machine."""
         self.level, self.slope, self.is_known = 0.0, 0.0, False
+        self.middle: tuple[float, float] | None = None
 
-    def take(self, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
+    def take(self, x: F64, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
         """Echoes of the stubble side, u from the edge [m], `close` of them near the plane before.
 
         fitted: the plane (level, slope) through these, the one before being known
         """
+        self._renew(u, z, fitted, close)
+        near = np.abs(z - self.level - self.slope * u) < GROUND_SPREAD
+        is_seen = self.is_known and np.count_nonzero(near) >= FEW
+        self.middle = (float(x[near].mean()), float(u[near].mean())) if is_seen else None
+
+    def _renew(self, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
         if close < FEW and len(z) >= MANY:
             self.clear()
             self.level = float(np.percentile(z, 25.0))
@@ -104,21 +113,27 @@ class Ground(Clears):
 
     def _fit(self, u: F64, z: F64) -> tuple[float, float]:
         near = np.abs(z - self.level) < GROUND_REACH
-        u, z = u[near], z[near]
+        middle = float(u[near].mean())
+        u, z = u[near] - middle, z[near]
         prior, steep = self.WORTH if self.is_known else self.FIRST_WORTH
-        level, slope = self.level, self.slope
+        level, slope, spreads = self.level + self.slope * middle, self.slope, 2 * [GROUND_SPREAD]
         if not self.is_known:
-            level = float(np.percentile(z - slope * u, 25.0))
+            level, spreads = (
+                float(np.median(z)),
+                [GROUND_REACH, *spreads],
+            )  # any slope, then the nearest plane
         before = level
-        for _ in range(2):
-            weight = 1.0 / (1.0 + ((z - level - slope * u) / GROUND_SPREAD) ** 2) ** 2
+        for spread in spreads:
+            weight = 1.0 / (1.0 + ((z - level - slope * u) / spread) ** 2) ** 2
             s0, s1, s2 = (float(v.sum()) for v in (weight, weight * u, weight * u * u))
             s0, s2 = s0 + prior, s2 + steep
             b0 = float((weight * z).sum()) + prior * before
             b1 = float((weight * u * z).sum()) + steep * self.slope
             det = s0 * s2 - s1**2
             level, slope = (s2 * b0 - s1 * b1) / det, (s0 * b1 - s1 * b0) / det
-        return level, slope
+            if spread == GROUND_REACH:
+                level = before = float(np.percentile(z - slope * u, 25.0))
+        return level - slope * middle, slope
 
 
 class CanopyRays(KeepsState):
@@ -192,16 +207,19 @@ class CanopyRays(KeepsState):
         falling, beside, close = self._counts.tolist()
         self._falling = falling
         level, slope = self._plane.tolist()
-        ground.take(self._u[:beside], self._z[:beside], (level, slope), close)
+        ground.take(self._x[:beside], self._u[:beside], self._z[:beside], (level, slope), close)
 
-    def answers(self, ground: Ground, crop_height: float, rise: tuple[float, float]) -> RayAnswers:
+    def answers(
+        self, ground: Ground, grade: float, crop_height: float, rise: tuple[float, float]
+    ) -> RayAnswers:
         """Class and place of every ray of the scan taken last.
 
-        crop_height [m]; rise: how far a plant's top stands ahead and toward the crop of its foot, per height
-        [1]: places are those of the feet
+        grade: by which the stubble rises ahead [1]; crop_height [m]; rise: how far a plant's top stands ahead
+        and toward the crop of its foot, per height [1]: places are those of the feet
         """
         n = self._falling
-        self._crop.write(n, ground.level, ground.slope, crop_height, *rise)
+        x = ground.middle[0] if ground.middle is not None else 0.0
+        self._crop.write(n, ground.level, ground.slope, x, grade, crop_height, *rise)
         self._answer()
         counted, close, _ = self._counts.tolist()
         height, upper, lower = (column[:n].copy() for column in self._columns)
@@ -235,7 +253,7 @@ class CanopyRays(KeepsState):
         self._room = room
         self._way, self._crop = Row(kernel.Way), Row(kernel.Canopy)
         self._directions, start, aim = (np.zeros((room, 3)) for _ in range(3))
-        self._ago, self._ranges, distance, self._u, self._z = (np.zeros(room) for _ in range(5))
+        self._ago, self._ranges, distance, self._x, self._u, self._z = (np.zeros(room) for _ in range(6))
         self._columns = tuple(np.zeros(room) for _ in range(3))
         self._cells, self._solid, self._ahead = (
             np.zeros(room, np.int64),
@@ -245,7 +263,7 @@ class CanopyRays(KeepsState):
         self._before, self._stands = np.full(room, np.nan), np.zeros(room, np.int32)
         self._counts = np.zeros(3, np.int32)
         self._plane, self._along = np.zeros(2), np.zeros(1)
-        seen = {"before": self._before, "stands": self._stands, "u": self._u, "z": self._z}
+        seen = {"before": self._before, "stands": self._stands, "x": self._x, "u": self._u, "z": self._z}
         rays = filled(kernel.Traced, start=start, aim=aim, distance=distance, **seen)
         columns = dict(zip(("height", "upper", "lower"), self._columns, strict=True))
         answers = filled(kernel.Answers, cell=self._cells, solid=self._solid, ahead=self._ahead, **columns)

@@ -17,6 +17,7 @@ from swath.control.edge.block_track import BLOCK, BlockTrack, Search
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
 from swath.control.edge.feet.overhang import HOLES_M, CutWidth, HeightOverhang, Overhang, density
+from swath.control.edge.ground_profile import GroundProfile
 from swath.control.edge.line.near_line import DISTANCE, LineFit, NearLine
 from swath.control.edge.profile import EVENLY, LEAST_SURE, crop_sign, finite, no_edge
 from swath.control.inclination import CRAB, Inclination
@@ -40,7 +41,6 @@ UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not s
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
 OVER_M = 1.0  # m of travel over which the header tells its width
-ROLLS = 0.15  # m of rise: short waves, of which the beams see more, say little of what is nearer
 OLD, LATE = 0.15, 0.4  # s: age of the newest scan from which on an edge is less sure, and is none
 LEAST_COS = 0.2  # of the edge's angle to the machine
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
@@ -57,6 +57,8 @@ class Params:
     upright_m: height of the crop where it stands upright, as the driver sees it; 0 = usual for the crop that
         he chose. Where it is lower the stand leans, perhaps out over the edge, which one scanner cannot see:
         the edge is not sure there
+    stubble_m: height of the stubble beside the edge that the driver expects, such as the one he cuts at
+    stubble_sd_m: standard deviation of that height, before the ground was driven over
     slip_percent: how much faster the wheels turn than the ground passes, 2 to 6 % on stubble (uncited)
     height_percent: standard deviation of the height of stands that stand upright about that, such as 14 for
         one of 60 to 120 %
@@ -73,6 +75,8 @@ class Params:
     reference_m: Annotated[float, Ge(0), Le(20)] = 1.5
     crab: Annotated[float, Ge(0), Le(1)] = CRAB
     upright_m: Annotated[float, Ge(0), Le(5)] = 0.0
+    stubble_m: Annotated[float, Ge(0), Le(1.5)] = 0.15
+    stubble_sd_m: Annotated[float, Gt(0), Le(1)] = 0.1
     slip_percent: Annotated[float, Ge(0), Le(50)] = 3.0
     height_percent: Annotated[float, Gt(0), Le(100)] = 14.0
     lean_deg: Annotated[float, Ge(0), Le(60)] = 20.0
@@ -85,16 +89,8 @@ class LikelihoodRatio(KeepsState):
     """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
 
     kept = (
-        "_cut",
-        "_missing",
-        "_since",
-        "_time",
-        "_at",
-        "_blocks",
-        "_ground",
-        "_rays",
-        "_inclination",
-        "_yaw_rate",
+        *("_cut", "_missing", "_since", "_time", "_at", "_blocks", "_ground", "_profile", "_rays"),
+        *("_inclination", "_yaw_rate"),
     )
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
@@ -123,12 +119,12 @@ class LikelihoodRatio(KeepsState):
             )
         )
         self._ground, self._rays = Ground(), CanopyRays(setup.mounting, self._sign)
+        self._profile = GroundProfile(-setup.machine.steered_x, (params.stubble_m, params.stubble_sd_m))
         self._line = LineFit(self._reference)
         ahead, _, up = setup.mounting.turn([1.0, 0.0, 0.0])
         flat = min(abs(ahead) / max(abs(up), 0.1), FLATTEST)
         self._early = 0.5 * (1.0 - LIMIT) * flat
-        x, _, z = setup.mounting.position.tolist()
-        self._flat, self._stubble_x = flat, float(x + flat * z)
+        self._flat = flat
         self._inclination = Inclination(setup.mountings.get("inertial"))
         self._yaw_rate = YawRate(setup.machine.wheelbase, setup.mountings.get("inertial"))
         self._forget()
@@ -140,6 +136,7 @@ class LikelihoodRatio(KeepsState):
         self._missing, self._since = float("nan"), 0.0  # of the header's width [m]; driven since it was used
         self._blocks.clear()
         self._ground.clear()
+        self._profile.clear()
         self._rays.clear()
         self._inclination.clear()
         self._yaw_rate.clear()
@@ -189,19 +186,22 @@ class LikelihoodRatio(KeepsState):
         else:
             frame = arc.frame(*self._at)
         self._rays.take(scan, (speed, yaw_rate), frame, self._ground, low, high)
-        rays = self._rays.answers(self._ground, self._blocks.height, self._rise())
-        self._blocks.add(rays, abs(speed) * seconds, frame, self._at, self._ground.level, self._rolls())
+        travel, rise = abs(speed) * seconds, self._rise()
+        grade = self._go_over(travel, frame, rise)
+        rays = self._rays.answers(self._ground, grade, self._blocks.height, rise)
+        self._blocks.add(rays, travel, frame, self._at, self._profile.stubble)
 
-    def _rolls(self) -> float:
-        """Rise of the ground from where the middle beam meets the crop to where it meets the stubble [m].
-
-        As if it curved evenly from below the machine to there: z = level (x / x of the stubble)^2.
-        """
-        nearer = self._flat * self._blocks.height / max(self._stubble_x, 1.0)
-        rise: float = (self._ground.level - self._blocks.populations.plane) * (
-            1.0 - max(1.0 - nearer, 0.0) ** 2
-        )
-        return min(max(rise, -ROLLS), ROLLS)
+    def _go_over(self, travel: float, frame: EdgeFrame, rise: tuple[float, float]) -> float:
+        """The ground under the wheels and ahead; by how much it rises there between crop and stubble [1]."""
+        ground, felt = self._ground, rise if self._inclination.is_sure else None
+        if ground.middle is None:
+            if ground.is_known:
+                self._profile.take(travel, None, felt)
+            return 0.0
+        x, beside = ground.middle
+        level = ground.level + ground.slope * beside
+        self._profile.take(travel, (x, frame.u + beside, level, ground.slope), felt)
+        return self._profile.grade(x - self._flat * self._blocks.height, x)
 
     def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
         age = (now - self._time) / NS
@@ -240,6 +240,8 @@ class LikelihoodRatio(KeepsState):
         steep = max(cos(edge.angle), LEAST_COS)
         beyond = self._reference - edge.x
         crop, stubble, stopped = self._blocks.populations.heights()
+        plane = self._profile.stubble
+        crop, stubble = crop + plane, stubble + plane
         dust = self._blocks.populations.dust()
         canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
         feet = self._blocks.feet
@@ -248,7 +250,7 @@ class LikelihoodRatio(KeepsState):
         rows = feet.rows(shift)[0]  # of plants, which stand out by themselves
         dense = max(stopped, rows)  # where its plants are
         self._hear(line, shift, steep)
-        hang = self._overhang.of(crop, self._blocks.populations.plane_sd, dense, ramp, self._cut)
+        hang = self._overhang.of(crop, self._profile.stubble_sd, dense, ramp, self._cut)
         is_smooth = self._blocks.bite > 0.0
         even = max(EVEN * top, ROWS * rows * feet.spacing)
         ragged = 0.0 if is_smooth else sqrt(max(0.0, self._blocks.scatter - even**2))

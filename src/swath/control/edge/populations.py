@@ -21,8 +21,6 @@ MOST = 3.0  # nat that one ray is worth at most
 CROP_FROM, CROP_TO = 0.18, (1.15, 2.5)  # m above the stubble: heights of crop that was not seen yet
 STUBBLE_TO, LITTLE = 0.8, 0.12  # m; part of the fullest layer's echoes below which a population ends
 MAT, FEW = 0.08, 10.0  # m above the middle of the stubble: of crop that lies flat; echoes that show it
-UNKNOWN = 0.1  # m: deviation of the height of the stubble's plane over the ground, before it is learned
-WAVE = 4.0  # m of travel over which the ground's level is alike
 COMES_AGAIN = 0.1  # share of the echoes of a layer: fewer that come again are dust
 SAMPLE = 0.5  # counts added to each class
 TOP = 0.9  # share of the echoes of a stand below its height
@@ -36,34 +34,18 @@ class Populations(Clears):
 
     In the air echoes do not come again from scan to scan: a layer where they do not is dust.
 
-    Layers are counted over the plane of the stubble. That lies over the ground, on which the wheels stand: it
-    is seen `plane` [m] higher than that, in the mean over the travel, with a deviation of `plane_sd` [m].
+    Layers are counted over the plane of the stubble.
     """
 
-    kept = ("counts", "_told", "_first", "_is_air", "plane", "_waves", "_way")
+    kept = ("counts", "_told", "_first", "_is_air")
 
     def clear(self) -> None:
         """Nothing learned."""
         self._count(np.zeros((5, CLASSES)))
-        self.plane, self._waves, self._way = 0.0, 0.0, 0.0
 
     def begin(self, sides: F64) -> None:
         """Start with the counts of both sides, as `Block.sides`."""
         self._count(np.vstack([sides, sides[:1]]))
-
-    def lies(self, level: float, travel: float) -> None:
-        """The stubble's plane was seen at a height over the wheels' ground [m], over a travel [m]."""
-        if travel > 0.0:
-            self._way = min(self._way + travel, MEMORY)
-            share, away = travel / self._way, level - self.plane
-            self.plane += share * away
-            self._waves = (1.0 - share) * (self._waves + share * away**2)
-
-    @property
-    def plane_sd(self) -> float:
-        """Of `plane` [m]: of the levels seen, of which those of some metres are alike."""
-        independent = self._way / WAVE
-        return float(np.sqrt(UNKNOWN**2 + independent * self._waves)) / (1.0 + independent)
 
     def move(self, travel: float) -> None:
         """Old counts fade over a travel [m]."""
@@ -107,11 +89,10 @@ class Populations(Clears):
 
     def heights(self) -> tuple[float, float, float]:
         """(crop height, stubble height, share stopped): of echoes above the stubble's own 97th percentile
-        the height of the canopy, the 90th percentile of the stubble, both above the ground [m], and the share
+        the height of the canopy, the 90th percentile of the stubble, both above the plane [m], and the share
         of the rays within the crop that the crop stopped.
         """
-        crop, stubble, stopped = self._tell()[:3]
-        return crop + self.plane, stubble + self.plane, stopped
+        return self._tell()[:3]
 
     def top(self) -> float:
         """Height of the canopy over the plane of the stubble [m]."""

@@ -1,7 +1,5 @@
 """Crop that has become lower than before: lodged, its tops lie off, and its edge says little of its feet."""
 
-from collections import deque
-
 import numpy as np
 
 from swath.control.edge.blocks import Block
@@ -10,7 +8,6 @@ from swath.control.edge.feet.canopy_feet import OBLIQUE
 from swath.control.edge.populations import Populations
 from swath.control.edge.profile import Clears
 
-UNEVEN = 0.12  # m, by which the ground's level may change over 8 blocks
 STANDS, LOW_SHARE, LOW_STEP = (
     0.3,
     0.94,
@@ -24,30 +21,19 @@ class Lodging(Clears):
     """Compares the first metre of crop with itself before.
 
     is_lodged: the last block was; blocks: of the patch so far
+    stubble: height of its plane over the ground [m]
     """
 
-    kept = ("is_lodged", "blocks", "_usual", "_levels", "_rise")
+    kept = ("is_lodged", "blocks", "stubble", "_usual")
 
     def clear(self) -> None:
         """No crop was seen."""
-        self.is_lodged, self.blocks = False, 0
-        self._usual = float("nan")  # height of the first metre of crop
-        self._levels: deque[float] = deque(maxlen=8)  # of the ground, block by block
-        self._rise = 0.0  # of the ground from where the crop is seen to where the stubble is [m]
-
-    def ground(self, level: float, rise: float) -> None:
-        """Ground of a block: level at the edge, and rise from there to where the stubble is seen [m]."""
-        self._levels.append(level)
-        self._rise = rise
-
-    @property
-    def is_uneven(self) -> bool:
-        """The ground rises or falls over the last blocks: the crop only seems to grow or to sink."""
-        return max(self._levels) - min(self._levels) > UNEVEN
+        self.is_lodged, self.blocks, self.stubble = False, 0, 0.0
+        self._usual = float("nan")  # height of the first metre of crop over the plane
 
     def first_metre(self, block: Block, edge: float, populations: Populations) -> float:
-        """Height of the first metre of crop behind an edge over the ground [m], nan where it is no canopy."""
-        return populations.height_of(block.just_inside(edge)) + populations.plane + self._rise
+        """Height of the first metre of crop behind an edge over the plane [m], nan where it is no canopy."""
+        return populations.height_of(block.just_inside(edge))
 
     def stands(self, block: Block, edge: float, populations: Populations) -> None:
         """Crop stands behind an edge [m] of a block."""
@@ -66,19 +52,16 @@ class Lodging(Clears):
         """How far the tops of a stand that has become low may have moved aside [m], 0 where it stands.
 
         Stems of length h whose tops are at z lean by acos(z / h), their tops lie h sin(lean) beside the feet.
-        Where the ground ahead rises or falls the canopy, seen nearer than the stubble, only seems to: there
-        nothing is said.
-
         edge: of the block [m]; angle: of the track to the machine [rad]
         """
-        usual, stopped = self._usual, populations.heights()[2]
-        is_doubtful = self.is_uneven or (stopped < DENSE and not self.is_lodged)
-        is_doubtful |= not usual - populations.plane > STANDS * usual
+        usual = self._usual + self.stubble
+        is_doubtful = populations.heights()[2] < DENSE and not self.is_lodged
+        is_doubtful |= not self._usual > STANDS * usual
         if is_doubtful or abs(angle) > 3.0 * OBLIQUE:
             return 0.0
-        now = self.first_metre(block, edge, populations)
+        now = self.stubble + self.first_metre(block, edge, populations)
         if np.isnan(now) and populations.has_mat(block.just_inside(MAT)):
-            now = populations.plane + LIMIT * (usual - populations.plane)
+            now = self.stubble + LIMIT * self._usual
         if not now < LOW_SHARE * usual - LOW_STEP:
             return 0.0
         return float(np.sqrt(usual**2 - now**2))
