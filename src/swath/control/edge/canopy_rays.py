@@ -113,15 +113,15 @@ class Ground(Clears):
 
     def _fit(self, u: F64, z: F64) -> tuple[float, float]:
         near = np.abs(z - self.level) < GROUND_REACH
+        if not near.any():
+            return self.level, self.slope
         middle = float(u[near].mean())
         u, z = u[near] - middle, z[near]
         prior, steep = self.WORTH if self.is_known else self.FIRST_WORTH
         level, slope, spreads = self.level + self.slope * middle, self.slope, 2 * [GROUND_SPREAD]
         if not self.is_known:
-            level, spreads = (
-                float(np.median(z)),
-                [GROUND_REACH, *spreads],
-            )  # any slope, then the nearest plane
+            level = float(np.median(z))
+            spreads.insert(0, GROUND_REACH)  # any slope, then the nearest plane
         before = level
         for spread in spreads:
             weight = 1.0 / (1.0 + ((z - level - slope * u) / spread) ** 2) ** 2
