@@ -260,13 +260,13 @@ class LikelihoodRatio(KeepsState):
         alike = self._p.open_m + density(stopped) * (self._p.closed_m - self._p.open_m)
         known = hypot(known, BENT * edge.bend, SLIPPED * min(edge.angle, 0.0), alike)
         known = hypot(known, self._blocks.blank / EVENLY)  # evenly anywhere in it
-        sd, other = hypot(known, hang.sd) / steep, hang.other
+        sd, other = hypot(known, hang.sd) / steep, hang.modes[0]
         sure = hang.within(known) * min(1.0, self._blocks.agreed / 0.8)
         if is_smooth or not isfinite(crop) or not self._shows(line, crop):
             sure, sd = min(sure, UNSURE), max(sd, HELD)
         return CropEdge(
             t=now,
-            offset=sign * (canopy + (shift + hang.mean) / steep),
+            offset=sign * (canopy + (shift + hang.told) / steep),
             heading=sign * edge.angle,
             curvature=sign * edge.bend,
             reference_x=self._reference,

@@ -4,13 +4,14 @@ A stand that leans out over the edge shows a wall as sharp as that of an upright
 z tan(lean) where its tops are at z. It is lower than one that stands, but how high that would be is known to
 a tenth or two of itself: one scanner on one side cannot tell a short stand that stands from a tall one that
 leans out. So the chance of every lean in every direction is kept. They make two modes, standing and leaning
-out; what is reported is the mean over both, with its deviation and the chance of the other one.
+out; what is reported is the likelier one, with deviation and confidence of both, and the other one beside it.
 
 How wide the header cuts says where the feet stand: as far from its end as is missing of its width. It may
 miss more, tramlines and holes, never less.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import acos, erf, exp, hypot, isnan, pi, sqrt
 from typing import NamedTuple, Protocol
 
@@ -25,8 +26,10 @@ from swath.signals import F64
 # the rays that it stops: 26 upright stands of six crops, five scanners, `empirical` and `plants`
 DENSE, THIN = (0.965, 0.03, 1.0), (0.77, 0.06, 0.75)
 WALL = 0.92  # of the height of the tops: where the wall of a stand that leans out is
-# chance that the header misses crop elsewhere, too, evenly up to so much [m], estimated
+# chances that the header misses crop elsewhere, too, estimated: holes, evenly up to so much [m], and the two
+# wheel tracks of a tramline, tyres of 0.3 to 0.65 m; passes with one where lines lie 24 to 36 m apart
 MISSED, HOLES_M = 0.1, 2.0
+TRAMLINES, TRACKS_M = 0.3, (0.6, 1.3)
 UNEVEN = 0.05  # m, standard deviation of the width over a metre of a ragged edge, estimated
 CUT_M = 10.0  # m of travel over which what the header cuts says how the stand leans, estimated
 STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may, and that must show a ramp
@@ -73,24 +76,25 @@ class Hang:
         chance = np.repeat([mode.chance for mode in modes], len(_NORMAL)) * np.tile(_OF_NORMAL, len(modes))
         return cls.of(means + sds * np.tile(_NORMAL, len(modes)), chance)
 
+    @cached_property
+    def modes(self) -> tuple[Mode, Mode]:
+        """Leaning out by more than TOLERANCE, and not: the less likely one first."""
+        one, other = sorted(_mode(self.chance[side], PLACES[side]) for side in (_OUTSIDE, ~_OUTSIDE))
+        return one, other
+
     @property
-    def mean(self) -> float:
-        """Over all places [m]."""
-        return float((self.chance * PLACES).sum())
+    def told(self) -> float:
+        """Mean of the likelier mode [m]."""
+        return self.modes[1].mean
 
     @property
     def sd(self) -> float:
-        """Deviation from `mean` [m]."""
-        return sqrt(float((self.chance * (PLACES - self.mean) ** 2).sum()))
-
-    @property
-    def other(self) -> Mode:
-        """The mode, leaning out or not, that is less likely."""
-        return min(_mode(self.chance[side], PLACES[side]) for side in (_OUTSIDE, ~_OUTSIDE))
+        """Deviation of all places from `told` [m]."""
+        return sqrt(float((self.chance * (PLACES - self.told) ** 2).sum()))
 
     def within(self, known: float) -> float:
         """Chance of feet within TOLERANCE of where they are told, all else known to `known` [m]."""
-        mean, scale, total = self.mean, 1.0 / (sqrt(2.0) * known), 0.0
+        mean, scale, total = self.told, 1.0 / (sqrt(2.0) * known), 0.0
         for k in np.flatnonzero(self.chance > NEVER).tolist():
             away = float(PLACES[k]) - mean
             both = erf((TOLERANCE - away) * scale) + erf((TOLERANCE + away) * scale)
@@ -131,8 +135,9 @@ class CutWidth(Clears):
         sd = hypot(self._sd, UNEVEN / sqrt(max(self._way, 1.0)))
         more = self._missing / self._way - np.maximum(self._beside / self._way + hangs, 0.0)
         own = portable.exp(-0.5 * (more / sd) ** 2) / (sqrt(2.0 * pi) * sd)
-        holes = np.where((more > 0.0) & (more < HOLES_M), 1.0 / HOLES_M, 0.0)
-        return np.asarray((1.0 - MISSED) * own + MISSED * holes + 1e-9)
+        holes = MISSED / HOLES_M * ((more > 0.0) & (more < HOLES_M))
+        tracks = TRAMLINES / (TRACKS_M[1] - TRACKS_M[0]) * ((more > TRACKS_M[0]) & (more < TRACKS_M[1]))
+        return np.asarray((1.0 - MISSED - TRAMLINES) * own + holes + tracks + 1e-9)
 
 
 class Overhang(Protocol):
