@@ -18,6 +18,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from swath.core.asked import unasked
 from swath.core.errors import InputError, absence_of, shortened
 from swath.core.foreign_code import Gate, NamesCode, file_of, is_allowed, present_gate
 from swath.documents.data_sheets import expected_name, find_sheet, sheet_names
@@ -79,6 +80,7 @@ class Scenario:
         text = html.escape(self.resolved())
         return f"<details><summary>{html.escape(repr(self))}</summary><pre>{text}</pre></details>"
 
+    @unasked
     def plain(self) -> dict[str, Any]:
         """Plain data with every default filled in and every path absolute."""
         return {
