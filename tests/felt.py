@@ -3,20 +3,23 @@
 import json
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from random import Random
 from typing import Any
 
 from swath.core.asked import bare
-from swath.core.errors import SwathError
+from swath.core.errors import InputError, SwathError
+from swath.core.fault import _keys
 from swath.core.signal import quantities
 from swath.documents.data_sheets import sheet_names
 from swath.documents.validation import schema_of
 from swath.field.weather import Weather
 from swath.runtime.assembly import assemble
+from swath.runtime.faults import make_fault
 from swath.runtime.job import run_unrecorded
 from swath.runtime.world import World
 from swath.scenario.overrides import layered
+from swath.scenario.resolved import SlotChoice
 from swath.scenario.scenario import UNTOLD, Scenario, load_scenario
 from swath.scenario.sections import FaultSection, RealTime
 
@@ -30,6 +33,7 @@ WEATHER: dict[str, tuple[str, ...]] = {
     "sun_elevation_deg": ("30", "field.weather.sun_azimuth_deg=110"),
     "time": ("2026-07-25T09:00+02:00", "field.weather={sun_elevation_deg: 30, sun_azimuth_deg: 110}"),
 }  # fmt: skip
+PACES = "realtime.pace=free", "realtime.factor=100"
 LIMITS = {"run.distance_m": "distance", "run.max_duration_s": "time"}  # key -> how a run ends that reaches it
 
 
@@ -78,8 +82,9 @@ class Looked:
         rest = tuple(text for text in row.sets if text.partition("=")[0] != row.key)
         others = [self.drive(row.scenario, (*rest, other) if other else rest) for other in row.others]
         is_felt = any(other["digest"] != summary["digest"] for other in others)
-        ended = summary["ended"]["reason"]
-        is_over = not is_felt and LIMITS.get(row.key, ended) != ended  # it says why
+        ended, slot = summary["ended"]["reason"], ".".join(row.key.split(".")[:2])
+        is_idle = any(note.startswith(f"{slot}: it is first due") for note in summary.get("notes", []))
+        is_over = not is_felt and (is_idle or LIMITS.get(row.key, ended) != ended)
         return Found(is_named(row.key, summary) or is_over, is_felt)
 
 
@@ -111,9 +116,9 @@ def drawn_rows(name: str, sets: tuple[str, ...] = (), *, seed: int = 1, count: i
     groups: dict[str, list[Row]] = {}
     for key, value in _siblings(world, drawn):
         text = f"{key}={json.dumps(value)}"
-        paced = ("realtime.factor=100",) if key.startswith("realtime.") and drawn.random() < 0.5 else ()
-        paced = ("realtime.pace=free",) if key.startswith("realtime.") and not paced else paced
         group = _group(world, key)
+        pace = drawn.choice([text for text in PACES if not text.startswith(f"{key}=")])
+        paced = (pace,) if group == "realtime" else ()
         groups.setdefault(group, []).append(Row(name, (*sets, *paced, text), key, ("",), group))
     for rows in groups.values():
         drawn.shuffle(rows)
@@ -144,14 +149,23 @@ def _siblings(world: World, drawn: Random) -> Iterator[tuple[str, Any]]:
         yield f"{name}.machine", drawn.choice(sheets)
         if edges := list(world.field.edges)[1:]:
             yield f"{name}.field_edge", drawn.choice(edges)
-        if others:
+        if others := [other for other in others if other != bare(machine.section.common).peer]:
             yield f"{name}.peer", drawn.choice(others)
         for slot, choice in machine.section.slots.items():
             path = f"{name}.{slot}"
-            sections += [(path, choice.common), (f"{path}.fault", FaultSection()), (path, choice.params)]
-            yield from _by_field(world, path, choice.params, drawn)
+            sections += [(path, choice.common), (path, choice.params)]
+            if _may_fail(choice, machine.parts[slot]):
+                sections.append((f"{path}.fault", FaultSection()))
+                yield from _by_field(world, path, choice.params, drawn)
     for path, section in sections:
         yield from _away(path, section, drawn)
+
+
+def _may_fail(choice: SlotChoice, part: Any) -> bool:
+    said = choice.common.model_copy(update={"fault": FaultSection()})
+    with suppress(InputError):
+        return make_fault(replace(choice, common=said), part) is not None
+    return False
 
 
 def _by_field(world: World, path: str, params: Any, drawn: Random) -> Iterator[tuple[str, Any]]:
@@ -165,7 +179,7 @@ def _by_field(world: World, path: str, params: Any, drawn: Random) -> Iterator[t
     ]
     if named:
         field, quantity = drawn.choice(named)
-        key = f"{field}_{quantity.unit.replace('/', '_')}" if quantity.unit else field
+        key = _keys(field, quantity)[0][0]
         yield f"{path}.fault.scale", {field: 1.2}
         yield f"{path}.fault.{drawn.choice(['bias', 'noise', 'stuck'])}", {key: 0.1}
     if is_dataclass(mount := getattr(params, "mount", None)):

@@ -43,16 +43,25 @@ def _watched_pace(section: RealTimeSection, asked: Asked) -> RealTimeSection:
 
 
 def unused(world: World) -> list[str]:
-    """Notes on keys that were set and that nothing uses, with what the docs say of them."""
+    """Notes on keys that were set and that nothing uses, with what the docs say of them or why."""
     about = {key: of for asked in world.asked for key, of in asked.about.items()}
-    unread = [key for key, parts in world.asked_by.items() if not parts]
-    notes = [f"no part of this run uses {key}: {described(*about[key][:2])}" for key in unread]
-    late = {key: begin for key, begin in _late(about, world.graph.t / NS) if key not in unread}
-    notes += [
-        f"no part of this run uses {key}: it begins at {num(begin)} s, when the run is over"
-        for key, begin in late.items()
-    ]
-    return notes
+    why = {key: described(*about[key][:2]) for key, parts in world.asked_by.items() if not parts}
+    over = "s, when the run is over"
+    why = {key: f"it begins at {num(at)} {over}" for key, at in _late(about, world.graph.t / NS)} | why
+    why |= dict.fromkeys(_needless(world), "nothing that it reads runs before it in a tick")
+    notes = [f"no part of this run uses {key}: {said}" for key, said in why.items()]
+    due = {n.slot.name: n.slot.offset or n.slot.period for n in world.graph.nodes if not n.step_count}
+    return [*notes, *(f"{name}: it is first due at {num(at / NS)} {over}" for name, at in due.items())]
+
+
+def _needless(world: World) -> Iterator[str]:
+    """Latches of slots whose samples from this tick and from before it are the same."""
+    before = set[str]()
+    for node in world.graph.nodes:
+        newest = [port.name for port in node.component.inputs if not port.history]
+        if node.slot.latch and not before & {node.wires[n][0] for n in newest if n in node.wires}:
+            yield f"{node.slot.name}.latch"
+        before.add(node.slot.name)
 
 
 def _late(about: dict[str, tuple[Any, str, Any]], end: float) -> Iterator[tuple[str, float]]:

@@ -219,6 +219,7 @@ def find_scenario(source: str | Path) -> Path:
     raise InputError("scenario", str(source), what)
 
 
+@unasked
 def code_of(scenario: Scenario) -> list[Path]:
     """Files with code that a scenario names, without crop habits, which data sheets name."""
     references = [r for _, choice in _choices(scenario) for r in _named(choice)]
