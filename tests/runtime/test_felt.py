@@ -83,7 +83,7 @@ def test_keys_of_slots_and_realtime_are_told():
 
 
 def test_what_no_contact_asks_for_is_told():
-    person = "field.obstacles=[{kind: person, x_m: 2, y_m: 3}]"
+    person = "field.obstacles=[{kind: person, x_m: 2, y_m: 1}]"
     assert told("straight", "run.on_contact=note")[0] == ["run.on_contact"]
     assert told("straight", "run.on_contact=note", "run.distance_m=3", person)[0] == []
 

@@ -65,11 +65,12 @@ def _needless(world: World) -> Iterator[str]:
 
 
 def _late(about: dict[str, tuple[Any, str, Any]], end: float) -> Iterator[tuple[str, float]]:
-    """Keys, and items of lists, that begin after the end of a run [s], with when: `from_s` and windows."""
-    for key, (_, name, value) in about.items():
-        if name.endswith("from_s") and value > end:
-            yield key.removesuffix(".from_s"), value
-        elif name.endswith("_s") and isinstance(value, list | tuple) and value:
+    """Keys, and items of lists, that begin after the end of a run [s], with when: `from_s` and windows, of
+    what is swath's own.
+    """
+    for key, (kind, name, value) in about.items():
+        begins = [value] if name.endswith("from_s") else []
+        if name.endswith("_s") and isinstance(value, list):
             begins = [window[0] for window in value if isinstance(window, list | tuple)]
-            if begins and min(begins) > end:
-                yield key, min(begins)
+        if begins and kind.__module__.startswith("swath.") and min(begins) > end:
+            yield key.removesuffix(".from_s"), min(begins)
