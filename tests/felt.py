@@ -96,13 +96,14 @@ def is_named(key: str, summary: dict[str, Any]) -> bool:
 
 
 def rows_of(name: str, sets: tuple[str, ...] = ()) -> Iterator[Row]:
-    """The keys that a scenario sets, but for those that cannot be otherwise."""
+    """The keys that a scenario sets, but for those that cannot be otherwise and how far it is driven."""
     scenario = load_scenario(name, sets=layered(SHORT, sets))
     world = assemble(scenario)
     world.close()
+    driven = {text.partition("=")[0] for text in SHORT}
     for asked in world.asked:
         for key, (kind, field, _) in asked.about.items():
-            if key not in UNTOLD and (others := _others(scenario, sets, key, kind, field)):
+            if key not in driven and (others := _others(scenario, sets, key, kind, field)):
                 yield Row(name, sets, key, others, _group(world, key))
 
 
