@@ -406,9 +406,10 @@ def tune(
         Where something cannot be tuned, or `out` holds another tuning.
     """
     from swath.core.files.place import within
+    from swath.tools.function_test.case import source_of
     from swath.tools.tune.page import write_tuned
     from swath.tools.tune.parameters import as_text
-    from swath.tools.tune.tune import Tune, run_tune, source_of
+    from swath.tools.tune.tune import Tune, run_tune
 
     some = [cases] if isinstance(cases, str | Path) else cases
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)

@@ -187,6 +187,11 @@ class Case:
         """How many combinations the values of all parameters have."""
         return prod(len(varied.at) for varied in self.file.vary.values())
 
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Parameters that have a range."""
+        return {name: varied.range for name, varied in self.file.vary.items() if varied.range is not None}
+
     def grid_point(self, number: int) -> dict[str, Scalar]:
         """One combination, 0 <= number < grid_size; the last parameter changes fastest."""
         values: list[Scalar] = []
@@ -272,6 +277,24 @@ def limits_of(expect: Mapping[str, Any]) -> list[tuple[str, str]]:
         of_machine = isinstance(limit, dict) and all(isinstance(own, dict | list) for own in limit.values())
         found += [(name, inner) for inner in limit] if of_machine else [("", name)]
     return found
+
+
+def source_of(case: str | Path) -> str:
+    """A case, or cases, by name or by whole path, so that a folder can be gone on with anywhere."""
+    return str(Path(case).resolve()) if os.path.exists(Path(case)) else str(case)
+
+
+def one_case(source: str, limit: str = "", expected: str = "expected one case") -> Case:
+    """The one case of a source. limit: "", or the name of one that it has. InputError for another."""
+    cases = find_cases(source)
+    if len(cases) != 1:
+        raise InputError("case", source, f"{expected}, there are {len(cases)}")
+    (case,) = cases
+    names = [name for _, name in limits_of(case.file.expect)]
+    if limit and limit not in names:
+        expected = f"expected one of {', '.join(names)}{near_miss(limit, names)}"
+        raise InputError("--limit", limit, expected, file=case.document.file)
+    return case
 
 
 def find_cases(source: str | Sequence[str], tags: Sequence[str] = ()) -> list[Case]:

@@ -126,6 +126,7 @@ def _list(args: argparse.Namespace) -> int:
 def _run(args: argparse.Namespace) -> int:
     from swath.runtime.workers import workers_kept
     from swath.tools.function_test.candidates import read_candidates
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.judging.first_batch import FIRST, name_first
     from swath.tools.function_test.plan import Plan
     from swath.tools.function_test.session import begin
@@ -137,7 +138,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.cases is None:
         raise InputError("cases", None, "expected `catalogue`, a case, or --odd with a domain")
     plan = Plan(
-        args.cases if not os.path.exists(Path(args.cases)) else str(Path(args.cases).resolve()),
+        source_of(args.cases),
         tags=tuple(args.only),
         candidates=read_candidates(args.candidates),
         seeds=args.seeds,

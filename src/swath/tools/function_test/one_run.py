@@ -5,9 +5,11 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import shortened
+from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.judge.evaluators.lateral_error import LateralError
 from swath.runtime.credibility import NEVER_CHECKED, outside_of
 from swath.runtime.credibility import SUMMARY as CREDIBILITY
-from swath.runtime.hooks import RunHook
+from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.met import SUMMARY as MET
@@ -16,11 +18,11 @@ from swath.runtime.world import ASKED_BY
 from swath.runtime.worlds import run_each
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.judging.integrity import SUMMARY as INTEGRITY
-from swath.tools.function_test.judging.integrity import IntegrityHook
+from swath.tools.function_test.judging.integrity import integrity_in
 from swath.tools.function_test.judging.judged import verdict_of
 from swath.tools.function_test.judging.ranking import EDGE_US
 from swath.tools.function_test.judging.steering_accuracy import SUMMARY as STEERING
-from swath.tools.function_test.judging.steering_accuracy import SteeringHook
+from swath.tools.function_test.judging.steering_accuracy import steering_in
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
@@ -40,10 +42,29 @@ def shadows_of(run: PlannedRun) -> dict[str, Scenario]:
     return {name: scenario_of(replace(run, sets=sets)) for name, sets in run.shadows.items()}
 
 
+class JudgesHook(RunHook):
+    """Adds to the summary what the judges of a kind have of all machines of a run together."""
+
+    READS_TRACKS = False
+
+    def __init__(self, kind: Any, told: Callable[[Sequence[Any]], dict[str, Any]]) -> None:
+        self._kind, self._told = kind, told
+
+    def begin(self, run: ActiveRun) -> None:
+        """Know the judges."""
+        found = [run.evaluation.find(name, self._kind) for name in run.world.machines]
+        self._judges = [judge for judge in found if judge is not None]
+
+    def summarize(self, t: int) -> dict[str, Any]:
+        """What they have."""
+        return self._told(self._judges)
+
+
 def hooks_of(run: PlannedRun) -> list[RunHook]:
     """What goes along with a run. Raises InputError."""
     shadows = shadows_of(run)
-    hooks: list[RunHook] = [IntegrityHook(), SteeringHook(), *([ShadowHook(shadows)] if shadows else [])]
+    judges = JudgesHook(EdgeDetection, integrity_in), JudgesHook(LateralError, steering_in)
+    hooks: list[RunHook] = [*judges, *([ShadowHook(shadows)] if shadows else [])]
     return [*hooks, *([MetHook(run.met)] if run.met else [])]
 
 
@@ -79,12 +100,7 @@ def no_result(run: PlannedRun, why: str) -> dict[str, Any]:
     """The result of a run that came to nothing."""
     reason = shortened(" ".join(why.split()))
     nothing = {"metrics": {}, "expect": [], "incidents": [], "digest": "", "cpu_s": 0.0}
-    return {**_about(run), "verdict": "error", "reason": reason, **nothing}
-
-
-def _about(run: PlannedRun) -> dict[str, Any]:
-    point = dict(run.point)
-    return {"id": run.id, "case": run.case, "candidate": run.candidate, "point": point, "seed": run.seed}
+    return {**run.about, "verdict": "error", "reason": reason, **nothing}
 
 
 def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
@@ -92,7 +108,7 @@ def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
     outside = outside_of(summary)
     verdict, reason = verdict_of(summary["expect"], outside)
     return {
-        **_about(run),
+        **run.about,
         "verdict": verdict,
         "reason": reason,
         "metrics": _metrics(summary),

@@ -58,6 +58,12 @@ class PlannedRun:
     why_dear: str = ""
     met: Sequence[str] = ()
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What its result says of it."""
+        names = ("id", "case", "candidate", "point", "seed")
+        return {name: getattr(self, name) for name in names} | {"point": dict(self.point)}
+
 
 @dataclass(frozen=True)
 class Plan:

@@ -122,7 +122,7 @@ class Session:
             return
         names = {_key(result): result["id"] for result in read_journals(self.journals)}
         for run in self.plan.runs():  # a folder of version 0.2: by what they are, their names say too much
-            yield replace(run, id=names.get(_key(_about(run)), run.id))
+            yield replace(run, id=names.get(_key(run.about), run.id))
 
     @property
     def changed(self) -> str:
@@ -193,11 +193,7 @@ class Session:
     def _each(self, stored: Stored, first: float = inf) -> Iterator[Result]:
         for run in self.runs(first):
             if (found := stored.get(run.id)) is not None:
-                whole = {
-                    **found,
-                    "id": run.id,
-                    **_about(run),
-                }  # another candidate may have come to the same scenario
+                whole = {**found, **run.about}  # another candidate may have come to the same scenario
                 with readable("journal", "results of candidates in shadow", self.journals):
                     others = list(in_shadow(whole, run.shadows))
                 yield from (whole, *others)
@@ -257,10 +253,6 @@ def _unchanged(done: Done) -> Done:
         done(result)
 
     return told
-
-
-def _about(run: PlannedRun) -> dict[str, Any]:
-    return {"case": run.case, "candidate": run.candidate, "point": dict(run.point), "seed": run.seed}
 
 
 def _row(run: PlannedRun) -> dict[str, Any]:

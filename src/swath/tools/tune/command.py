@@ -44,8 +44,9 @@ def _parameter(text: str) -> list[str]:
 
 
 def _tune(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.judging.margin import MARGIN
-    from swath.tools.tune.tune import Tune, run_tune, runs_of, source_of
+    from swath.tools.tune.tune import Tune, run_tune, runs_of
 
     params = tuple(parts[0] + ",".join(parts[1:]) for parts in args.param)
     cases, proven = ([source_of(text) for text in some] for some in (args.cases, args.prove))

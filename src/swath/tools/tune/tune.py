@@ -7,7 +7,6 @@ on the results so far: a tuning that was stopped takes the runs that are in a jo
 """
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -173,11 +172,6 @@ class Tuned:
     def front(self) -> list[int]:
         """Numbers of the settings that none beats in every aim; of one aim the winner."""
         return front(self.tried) if len(self.tune.aims) > 1 else [self.best]
-
-
-def source_of(case: str | Path) -> str:
-    """A case as `Tune` names it, so that the folder can be gone on with from anywhere."""
-    return str(Path(case).resolve()) if os.path.exists(Path(case)) else str(case)
 
 
 def runs_of(tune: Tune) -> int:

@@ -3,7 +3,6 @@
 import argparse
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num, percent_of
@@ -43,13 +42,14 @@ def add(verbs: Any) -> None:
 
 def _estimate(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.estimate.estimate import Estimate, run_estimate
 
     if args.at_most is not None and not 0.0 < args.at_most < 1.0:
         raise InputError("--at-most", args.at_most, "expected a probability, > 0 and < 1")
     if args.cheap_budget is not None and not args.cheap:
         raise InputError("--cheap-budget", args.cheap_budget, "expected --cheap beside it")
-    source = str(Path(args.case).resolve()) if os.path.exists(Path(args.case)) else args.case
+    source = source_of(args.case)
     cheap_budget = (args.cheap_budget or args.budget) if args.cheap else 0
     asked = Estimate(
         source, args.limit, args.budget, tuple(args.sets), tuple(args.cheap), cheap_budget, args.draw_seed

@@ -21,7 +21,7 @@ from swath.core.number_text import num, percent_of
 from swath.core.random import Stream
 from swath.runtime.workers import workers_kept
 from swath.signals import F64
-from swath.tools.function_test.case import Case, Point, Scalar, Varied
+from swath.tools.function_test.case import Case, Point, Scalar, Varied, one_case
 from swath.tools.function_test.estimate.rare import (
     DEFENSIVE,
     ESS_LEAST,
@@ -37,7 +37,6 @@ from swath.tools.function_test.judging.margin import judged_margin
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.search.search import one_case
 from swath.tools.function_test.session import Session, claim_folder, read_asked
 from swath.tools.function_test.stored_line import Result
 

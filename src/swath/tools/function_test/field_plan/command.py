@@ -33,12 +33,13 @@ def add(verbs: Any) -> None:
 
 def _plan(args: argparse.Namespace) -> int:
     from swath.terminal.tables import table
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.evidence import write_evidence
     from swath.tools.function_test.field_plan.form import FORM, NEXT, compared, write_form
     from swath.tools.function_test.field_plan.page import write_plan
     from swath.tools.function_test.field_plan.plan import FieldPlan, choose, plan_field, spread
 
-    source = str(Path(args.source).resolve()) if os.path.exists(Path(args.source)) else args.source
+    source = source_of(args.source)
     asked = FieldPlan(
         source, tuple(args.other), args.metric, args.runs, args.pairs, tuple(args.sets), args.seed
     )

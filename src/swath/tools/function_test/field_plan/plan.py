@@ -27,7 +27,7 @@ from swath.core.random import Stream
 from swath.runtime.credibility import NEVER_CHECKED
 from swath.scenario.overrides import layered
 from swath.signals import F64
-from swath.tools.function_test.case import Case, Point, Scalar, find_cases
+from swath.tools.function_test.case import Case, Point, Scalar, one_case
 from swath.tools.function_test.estimate.estimate import distribution_of
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
 from swath.tools.function_test.field_plan.seen import REFERENCE, SCANS, heights_of
@@ -191,10 +191,7 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
 def _source(source: str) -> tuple[Conducted | None, Case]:
     if os.path.isdir(Path(source)) and (found := open_campaign(open_session(Path(source), same_code=False))):
         return found, found.session.plan.found[0]
-    cases = find_cases(source)
-    if len(cases) != 1:
-        raise InputError("case", source, f"expected one case, or a dossier, there are {len(cases)}")
-    return None, cases[0]
+    return None, one_case(source, expected="expected one case, or a dossier")
 
 
 def _other_level(case: Case, sets: Sequence[str]) -> list[str]:

@@ -66,12 +66,8 @@ def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCe
     places += [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(odd.possible, 1)), strict=True)]
     counted = np.array([coverage.counted[place] for place in places])
     failed = np.array([coverage.failed[place] for place in places])
-    broken = np.array(
-        [p_broken(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)]
-    )
-    shown = np.array(
-        [p_shown(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)]
-    )
+    each = list(zip(counted.tolist(), failed.tolist(), strict=True))
+    broken, shown = (np.array([p(n, k, claim, is_complete) for n, k in each]) for p in (p_broken, p_shown))
     wrong = 1.0 - claim.confidence
     surely_broken = holm(dict(enumerate(broken.tolist())), wrong)
     is_shown, is_pair = np.zeros(len(places), dtype=bool), np.array([i != j for i, j in places])

@@ -1,7 +1,6 @@
 """`swath test search`: the boundary of failure of a case."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +27,12 @@ def add(verbs: Any) -> None:
 
 def _search(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.search.search import Search, run_search
 
     if args.batch < 1:
         raise InputError("--batch", args.batch, "expected 1 run or more")
-    source = str(Path(args.case).resolve()) if os.path.exists(Path(args.case)) else args.case
-    search = Search(source, args.limit, args.batch, tuple(args.sets))
+    search = Search(source_of(args.case), args.limit, args.batch, tuple(args.sets))
     with progress(args.budget) as done, engine(args.cluster, args.workers) as client:
         found = run_search(args.out, search, args.budget, max(1, args.workers), done, client)
     return tell(found, args.check)
