@@ -62,11 +62,13 @@ def _under(solids: Solids, x: F64, y: F64) -> Mask:
     """Which points lie below or above a body. A mesh is taken as its box."""
     found: Mask = np.zeros(x.shape, bool)
     points = np.stack([x, y], axis=-1)
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    reach = [np.abs(mesh.corners.reshape(-1, 3)).max(axis=0) for mesh in solids.mesh_shape]
+    boxes = (
+        *zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True),
+        *zip(solids.mesh_centre, solids.mesh_axes, reach, strict=True),
+    )
+    for centre, axes, half in boxes:
         found |= (np.abs((points - centre[:2]) @ axes[:2, :2]) <= half[:2]).all(axis=-1)
-    for mesh, centre, axes in zip(solids.mesh_shape, solids.mesh_centre, solids.mesh_axes, strict=True):
-        reach = np.abs(mesh.corners.reshape(-1, 3)).max(axis=0)
-        found |= (np.abs((points - centre[:2]) @ axes[:2, :2]) <= reach[:2]).all(axis=-1)
     for centre, axes, half in zip(
         solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
     ):

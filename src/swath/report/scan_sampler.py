@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from swath.record.message_factory import RecordedMachine
 from swath.signals import F64, CropEdge, MachineState, Scan, ScanTruth, Signal
 
 Ask = Callable[[], Any]
+Item = TypeVar("Item")
 SPACING_M = 2.0  # between kept scans at first; doubles whenever MOST are kept
 MOST = 48
 BAND = 64  # rows of a map that are looked up together
@@ -39,6 +40,12 @@ class KeptScan:
     hits: F64
     edge: CropEdge | None
     edge_true: float
+
+
+def spread_evenly(items: Sequence[Item], count: int) -> list[Item]:
+    """So many of some items, spread evenly; one alone is the last."""
+    places = np.linspace(len(items) - 1, 0, min(count, len(items)))
+    return [items[i] for i in np.unique(np.round(places)).astype(int).tolist()]
 
 
 @dataclass
@@ -104,10 +111,7 @@ class ScanSampler(Sampler):
         scanner = self._scanners.get(slot)
         if scanner is None or scanner.newest is None:
             return []
-        scans = [*scanner.kept, self._make(slot, scanner)]
-        places = np.linspace(len(scans) - 1, 0, min(count, len(scans)))  # one alone is the newest
-        picked = np.unique(np.round(places).astype(int))
-        return [scans[i] for i in picked]
+        return spread_evenly([*scanner.kept, self._make(slot, scanner)], count)
 
     def _see(self, slot: str, scanner: _Scanner, edge: CropEdge | None) -> None:
         if (state := self._state()) is None:
@@ -217,13 +221,8 @@ def circles_of(solids: Solids) -> list[tuple[float, float, float]]:
     """x, y, radius [m] of obstacles as a map shows them; a box by its longer horizontal half side."""
     centres = np.concatenate([solids.box_centre, 0.5 * (solids.capsule_a + solids.capsule_b),
                               solids.ellipsoid_centre, solids.mesh_centre])  # fmt: skip
-    flat = [
-        np.abs(axes[:2] * half).max() for axes, half in zip(solids.box_axes, solids.box_half, strict=True)
-    ]
-    round_ = [
-        np.abs(axes[:2] * half).max()
-        for axes, half in zip(solids.ellipsoid_axes, solids.ellipsoid_half, strict=True)
-    ]
+    shapes = ((solids.box_axes, solids.box_half), (solids.ellipsoid_axes, solids.ellipsoid_half))
+    flat, round_ = ([np.abs(a[:2] * h).max() for a, h in zip(*of, strict=True)] for of in shapes)
     nets = [
         float(np.hypot(*(mesh.corners.reshape(-1, 3) @ axes.T)[:, :2].T).max())
         for mesh, axes in zip(solids.mesh_shape, solids.mesh_axes, strict=True)
