@@ -1,12 +1,16 @@
 """Options that commands share: which scenario, what is changed in it, where to write."""
 
 import argparse
+from collections.abc import Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from swath.core.files.output_folder import held
 from swath.core.number_text import num
+
+Made = TypeVar("Made")
 
 
 def option(
@@ -42,6 +46,17 @@ def option(
         text += f" (default {num(default)})" if isinstance(default, float) else f" (default {default})"
     added = parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
     vars(added)["unit"] = unit
+
+
+def made_of(kind: type[Made], args: argparse.Namespace, names: Mapping[str, str] | None = None,
+            **values: Any) -> Made:  # fmt: skip
+    """A dataclass of the options that are called as its fields; one that is not given leaves the default.
+
+    names: of options that are called otherwise, by field; values: of fields, instead of an option
+    """
+    said = {f.name: vars(args).get((names or {}).get(f.name, f.name)) for f in fields(cast(Any, kind))}
+    given = {k: tuple(v) if isinstance(v, list) else v for k, v in said.items() if v is not None}
+    return kind(**{**given, **values})
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:

@@ -61,10 +61,7 @@ def wasserstein1(model: ArrayLike, real: ArrayLike) -> float:
     """Wasserstein-1 distance: the area between both empirical distribution functions."""
     a, b = np.sort(_sample(model)), np.sort(_sample(real))
     at = np.sort(np.concatenate([a, b]))
-    gap = np.searchsorted(a, at[:-1], side="right") / len(a) - np.searchsorted(
-        b, at[:-1], side="right"
-    ) / len(b)
-    return float(np.sum(np.abs(gap) * np.diff(at)))
+    return float(np.sum(np.abs(_gap(a, b, at[:-1])) * np.diff(at)))
 
 
 def ks_distance(model: ArrayLike, real: ArrayLike) -> float:
@@ -73,9 +70,9 @@ def ks_distance(model: ArrayLike, real: ArrayLike) -> float:
     return float(np.max(np.abs(_gap(a, b, np.concatenate([a, b])))))
 
 
-def histogram_intersection(model: ArrayLike, real: ArrayLike, bin_width: float = BIN) -> float:
+def histogram_intersection(model: ArrayLike, real: ArrayLike) -> float:
     """Common area of both normalised histograms, 0..1. Bins start at whole multiples of their width."""
-    a, b = (np.floor(_sample(s) / bin_width).astype(np.int64) for s in (model, real))
+    a, b = (np.floor(_sample(s) / BIN).astype(np.int64) for s in (model, real))
     low = min(a.min(), b.min())
     count = int(max(a.max(), b.max()) - low) + 1
     share_a = np.bincount(a - low, minlength=count) / len(a)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_folder, option
+from swath.terminal.options import add_folder, made_of, option
 from swath.tools.compare_scans import command as scans
 
 PLACE = "measured", 3  # among all commands
@@ -90,10 +90,7 @@ def _run_process(args: argparse.Namespace) -> int:
 
     if args.antenna is not None:
         raise InputError("--antenna", args.antenna, "expected a log with a steering angle")
-    drive = Drive(
-        args.process, args.engine, args.straw, args.whole_crop, args.load_over, args.friction / 100.0,
-        args.flow_floor,
-    )  # fmt: skip
+    drive = made_of(Drive, args, friction=args.friction / 100.0)
     with Console(stderr=True).status("reading the log") as status:
         made = compare_log(
             args.model, args.log, drive=drive, fit=args.fit, on=args.on or ["engine_load"],

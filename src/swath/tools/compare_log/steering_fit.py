@@ -175,7 +175,7 @@ class Free:
     """A number that may be fitted: limits and step for its derivative in the unit of the sheet.
 
     known: standard error of a sheet's number where the log does not tell it, estimated
-    keys: of the sheet that go in proportion with it, itself first
+    along: keys of the sheet that go in proportion with it
     default: where the sheet has none
     absent: the limit, +1 the upper or -1 the lower one, that means that the machine has no such effect
     """
@@ -184,35 +184,23 @@ class Free:
     high: float
     step: float
     known: float
-    keys: tuple[str, ...]
+    along: tuple[str, ...] = ()
     default: float | None = None
     absent: int = 0
 
 
-def _free(
-    key: str,
-    low: float,
-    high: float,
-    step: float,
-    known: float,
-    default: float | None = None,
-    absent: int = 0,
-) -> tuple[str, Free]:
-    return key, Free(low, high, step, known, (key,), default, absent)
-
-
-STEERING = dict([
-    _free("steering.dead_time_s", 0.0, 2.0, 0.01, 0.03),
-    _free("steering.lag_s", 0.01, 3.0, 0.01, 0.05),
-    _free("steering.rate_deg_s", 1.0, 100.0, 0.3, 4.0, absent=1),
-    _free("steering.dead_band_percent", 0.0, 30.0, 0.2, 2.0),
-])  # fmt: skip
-MOTION = dict([
-    _free("tyres.understeer_deg_per_g", -8.0, 8.0, 0.1, 2.0, default=0.0),
-    (RELAXATION[0], Free(0.05, 5.0, 0.05, 0.3, RELAXATION, absent=-1)),
-    _free("tyres.stiffness_per_rad", 0.5, 10.0, 0.1, 1.0, absent=1),  # so stiff allows an understeer of 8
-    _free("chassis.wheelbase_m", 0.5, 20.0, 0.02, 0.1),
-])  # fmt: skip
+STEERING = {
+    "steering.dead_time_s": Free(0.0, 2.0, 0.01, 0.03),
+    "steering.lag_s": Free(0.01, 3.0, 0.01, 0.05),
+    "steering.rate_deg_s": Free(1.0, 100.0, 0.3, 4.0, absent=1),
+    "steering.dead_band_percent": Free(0.0, 30.0, 0.2, 2.0),
+}
+MOTION = {
+    "tyres.understeer_deg_per_g": Free(-8.0, 8.0, 0.1, 2.0, default=0.0),
+    RELAXATION[0]: Free(0.05, 5.0, 0.05, 0.3, along=RELAXATION[1:], absent=-1),
+    "tyres.stiffness_per_rad": Free(0.5, 10.0, 0.1, 1.0, absent=1),  # so stiff allows an understeer of 8
+    "chassis.wheelbase_m": Free(0.5, 20.0, 0.02, 0.1),
+}
 USUAL = {
     "steering": ("steering.dead_time_s", "steering.lag_s", "steering.rate_deg_s"),
     "motion": ("tyres.understeer_deg_per_g", "tyres.front_relaxation_m"),
@@ -337,7 +325,7 @@ class _Part:
         """
         names = [*table, OFFSET]
         start = np.array([*(_number(sheet, k, f) for k, f in table.items()), 0.0])
-        low, high = np.array([*(_limits(sheet, f) for f in table.values()), (-5.0, 5.0)]).T
+        low, high = np.array([*(_limits(sheet, k, f) for k, f in table.items()), (-5.0, 5.0)]).T
         low, high = np.minimum(low, start), np.maximum(high, start)
         step, known = np.array([*((f.step, f.known) for f in table.values()), (0.02, 0.0)]).T
 
@@ -588,9 +576,9 @@ def _number(sheet: Sheet, key: str, free: Free) -> float:
         return free.default
 
 
-def _limits(sheet: Sheet, free: Free) -> tuple[float, float]:
+def _limits(sheet: Sheet, key: str, free: Free) -> tuple[float, float]:
     """Limits of a value within which the keys that go along keep theirs, too."""
-    along = [sheet.number(k) / sheet.number(free.keys[0]) for k in free.keys[1:]]
+    along = [sheet.number(k) / sheet.number(key) for k in free.along]
     return free.low / min([1.0, *along]), free.high / max([1.0, *along])
 
 
@@ -598,8 +586,8 @@ def _changed(sheet: Sheet, free: dict[str, Free], values: Array) -> Sheet:
     """The sheet with the values of the free keys; keys that go along keep their proportion."""
     numbers: dict[str, float] = {}
     for (key, f), value in zip(free.items(), values[: len(free)].tolist(), strict=True):
-        for k in f.keys:
-            numbers[k] = value * (1.0 if k == key else sheet.number(k) / sheet.number(key))
+        along = {k: value * (sheet.number(k) / sheet.number(key)) for k in f.along}
+        numbers |= {key: value, **along}
     return sheet.changed(numbers, new=[k for k, f in free.items() if f.default is not None])
 
 

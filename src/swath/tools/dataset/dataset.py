@@ -186,13 +186,8 @@ def part_of(out: Path, picture: int) -> Path:
     return out / "parts" / f"{name_of(picture)}.json"
 
 
-def worker(settings: Settings, out: Path) -> Callable[[SceneJob], "list[int] | str"]:
-    """What a worker does with a job: pictures made, or what was wrong."""
-    return partial(make_scene, settings, out)
-
-
 def make_scene(settings: Settings, out: Path, job: SceneJob) -> "list[int] | str":
-    """Make the pictures of a job."""
+    """Make the pictures of a job; what was wrong."""
     try:
         for picture, image, boxes, info in _pictures(settings, job):
             write_picture(out, picture, image, boxes, info)
@@ -422,7 +417,7 @@ def make_dataset(
     there = settings.count - sum(len(job.pictures) for job in jobs)
     if progress is not None:
         progress(there, settings.count)
-    for job, found in in_workers(jobs, partial(worker, settings, out), workers):
+    for job, found in in_workers(jobs, partial(partial, make_scene, settings, out), workers):
         if isinstance(found, Lost | str):
             raise SwathError(f"scene {job.scene}: {found}")
         there += len(found)

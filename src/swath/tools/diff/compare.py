@@ -55,21 +55,17 @@ class Difference:
 class Comparison:
     """What differs. settings, metrics: rows of text; differences: by slot, the earliest first.
 
-    is_exact: both folders hold every sample
+    is_same: both have the same digest, not a bit differs; is_exact: both folders hold every sample
     """
 
     first: Run
     second: Run
+    is_same: bool
     settings: list[tuple[str, str, str]]
     differences: list[Difference]
     is_exact: bool
     metrics: list[tuple[str, str, str, str]]
     events: list[tuple[str, str]]
-
-    @property
-    def is_same(self) -> bool:
-        """Both have the same digest: not a bit differs."""
-        return _is_same(self.first, self.second)
 
     @property
     def headline(self) -> str:
@@ -92,7 +88,7 @@ def compare(first: Path, second: Path) -> Comparison:
     """Compare two run folders. Raises InputError where one is none."""
     a, b = _read(first, second), _read(second, first)
     logs = [_log(first), _log(second)]
-    is_same = _is_same(a, b)
+    is_same = a.summary.get("digest") == b.summary.get("digest") is not None
     differences: list[Difference] = []
     is_exact = is_same
     if not is_same and logs[0] is not None and logs[1] is not None:
@@ -106,12 +102,8 @@ def compare(first: Path, second: Path) -> Comparison:
             key=lambda d: (d.t, order.index(slot) if (slot := d.slot.rpartition(".")[0]) in order else 0)
         )
     return Comparison(
-        a, b, _settings(a, b), differences, is_exact, _metrics(a, b), [*_events(a), *_events(b)]
+        a, b, is_same, _settings(a, b), differences, is_exact, _metrics(a, b), [*_events(a), *_events(b)]
     )
-
-
-def _is_same(a: Run, b: Run) -> bool:
-    return a.summary.get("digest") == b.summary.get("digest") is not None
 
 
 def _read(folder: Path, other: Path) -> Run:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.field_io import command as field
-from swath.terminal.options import add_sets, load, option
+from swath.terminal.options import add_sets, load, made_of, option
 
 PLACE = "measured", 0  # among all commands
 MB = 1e6
@@ -44,15 +44,8 @@ def run(args: argparse.Namespace) -> int:
         ("at_s", 0.0, 1e5), ("most_mb", 1.0, 1e5),
     ):  # fmt: skip
         check_within(f"--{name.replace('_', '-')}", getattr(args, name), low, high)
-    wanted = Wanted(
-        args.to,
-        args.out,
-        _place(args.place),
-        args.ground_m,
-        args.plants_m,
-        args.points_per_m2,
-        args.most_mb * MB,
-    )
+    names = {"ground": "ground_m", "plants": "plants_m", "per_m2": "points_per_m2"}
+    wanted = made_of(Wanted, args, names, place=_place(args.place), most=args.most_mb * MB)
     scenario = load(args)
     world = assemble(scenario)
     try:

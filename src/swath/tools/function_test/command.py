@@ -13,7 +13,7 @@ from swath.core.foreign_code import code_unread
 from swath.core.number_text import num
 from swath.core.process.shell import command
 from swath.core.units import digits_in
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option
 from swath.terminal.tables import add_json
 from swath.tools.function_test import cheaper_command
 from swath.tools.function_test.estimate import command as estimate_command
@@ -137,17 +137,8 @@ def _run(args: argparse.Namespace) -> int:
         raise InputError("--runs", args.runs, "expected --odd beside it: of cases, --seeds and --draw say it")
     if args.cases is None:
         raise InputError("cases", None, "expected `catalogue`, a case, or --odd with a domain")
-    plan = Plan(
-        source_of(args.cases),
-        tags=tuple(args.only),
-        candidates=read_candidates(args.candidates),
-        seeds=args.seeds,
-        drawn=args.draw,
-        draw_seed=args.draw_seed,
-        sets=tuple(args.sets),
-        shadow=args.shadow,
-        level=args.level,
-    )
+    names, candidates = {"tags": "only", "drawn": "draw"}, read_candidates(args.candidates)
+    plan = made_of(Plan, args, names, cases=source_of(args.cases), candidates=candidates)
     with code_unread() if args.plan_only else nullcontext():
         session = begin(args.out, plan, args.candidates)
     left = sum(1 for _ in session.left())

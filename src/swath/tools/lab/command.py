@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, former, option
+from swath.terminal.options import add_folder, add_sets, former, made_of, option
 
 PLACE = "measured", 4  # among all commands
 
@@ -70,16 +70,8 @@ def run_stand(args: argparse.Namespace) -> int:
 def _settings(args: argparse.Namespace) -> Any:
     from swath.tools.lab.lab import Settings
 
-    lists = {
-        "densities": args.stems_per_m2,
-        "sensors": args.sensor,
-        "depressions_deg": args.depression_deg,
-        "levels": args.levels,
-    }
-    given: dict[str, Any] = {k: tuple(v) for k, v in lists.items() if v is not None}
-    given |= {"crop": args.crop, "height_m": args.crop_height_m, "distance_m": args.distance_m}
-    given |= {"seed": args.seed, "seeds": args.seeds, "sets": _sets(args.sets)}
-    return Settings(**given)
+    names = {"densities": "stems_per_m2", "sensors": "sensor", "depressions_deg": "depression_deg"}
+    return made_of(Settings, args, {**names, "height_m": "crop_height_m"}, sets=_sets(args.sets))
 
 
 def _sets(texts: list[str]) -> dict[str, Any]:

@@ -91,17 +91,13 @@ def _made(settings: Settings, conditions: list[Condition], processes: int) -> It
     if processes < 2 or not conditions:
         yield from map(partial(measure, settings), conditions)
         return
-    begin = partial(_begin, settings)
+    begin = partial(partial, _measured, settings)  # called without an argument in each worker
     for condition, made in in_workers(conditions, begin, processes, in_order=True):
         if isinstance(made, Lost):
             raise SwathError(f"{condition.name}: {made}")
         if isinstance(made, SwathError):
             raise made
         yield made
-
-
-def _begin(settings: Settings) -> Callable[[Condition], Found | SwathError]:
-    return partial(_measured, settings)
 
 
 def _measured(settings: Settings, condition: Condition) -> Found | SwathError:

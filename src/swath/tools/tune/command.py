@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 PLACE = "many", 1  # among all commands
@@ -49,11 +49,9 @@ def _tune(args: argparse.Namespace) -> int:
     from swath.tools.tune.tune import Tune, run_tune, runs_of
 
     params = tuple(parts[0] + ",".join(parts[1:]) for parts in args.param)
-    cases, proven = ([source_of(text) for text in some] for some in (args.cases, args.prove))
-    tune = Tune(
-        tuple(cases), params, tuple(args.aim) or (MARGIN,), tuple(proven), args.tries, args.each, args.proof,
-        tuple(args.sets), args.level, args.seed,
-    )  # fmt: skip
+    cases, proven = (tuple(map(source_of, some)) for some in (args.cases, args.prove))
+    aims = tuple(args.aim) or (MARGIN,)
+    tune = made_of(Tune, args, cases=cases, params=params, aims=aims, proven=proven)
     with progress(runs_of(tune), "at most ") as done, engine(args.cluster, args.workers) as client:
         found = run_tune(args.out, tune, max(1, args.workers), done, client)
     return tell(found)

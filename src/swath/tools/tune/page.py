@@ -25,7 +25,6 @@ from swath.tools.tune.tune import (
     Tuned,
     as_json,
     command_of,
-    says_of,
     write_winner,
 )
 
@@ -93,16 +92,15 @@ def difference_rows(found: Tuned, part: str) -> list[list[str]]:
     """Rows of a part of the proof: part, metric, pairs, winner less shipped, interval, what it shows."""
     proof, rows = found.proofs[part], []
     for name, d in proof.found.differences.items():
-        said = says_of(proof.found, name, found.tune.directions[name])
-        rows.append([PARTS[part], name, str(d.count), *proof.found.difference_texts(name), said])
+        said = proof.found.difference_texts(name)
+        rows.append([PARTS[part], name, str(d.count), *said, proof.found.says(name)])
     return rows
 
 
 def caveats(found: Tuned, part: str) -> dict[str, str]:
     """What stands beside the aims that a part of the proof shows to be better."""
-    proof, directions = found.proofs[part].found, found.tune.directions
-    better = [name for name in proof.differences if says_of(proof, name, directions[name]) == "better"]
-    return {name: proof.beside(name, directions[name]) for name in better}
+    proof = found.proofs[part].found
+    return {name: proof.beside(name) for name in proof.differences if proof.says(name) == "better"}
 
 
 def _proof(found: Tuned) -> list[list[str]]:

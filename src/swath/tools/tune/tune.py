@@ -7,8 +7,9 @@ on the results so far: a tuning that was stopped takes the runs that are in a jo
 """
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -116,7 +117,16 @@ class Proof:
 
     found: Comparison
     failed: tuple[int, int]
-    says: str
+
+    @property
+    def says(self) -> str:
+        """Better where an aim is shown to be and nothing is shown to be worse; a limit that is broken more
+        often is never bought.
+        """
+        shown = [self.found.says(name) for name in self.found.metrics]
+        if "worse" in (*shown, self.found.says(VERDICTS)):
+            return WORSE
+        return BETTER if "better" in shown and self.failed[1] <= self.failed[0] else NO_BETTER
 
 
 @dataclass(frozen=True)
@@ -265,27 +275,8 @@ def _proof(folder: Path, results: Sequence[Result], directions: Mapping[str, str
     ]
     write_table(folder, rows)
     found = compare(f"{folder}:{SHIPPED}", f"{folder}:{TUNED}", list(directions), ALPHA)
-    failed = [sum(r["verdict"] not in ("pass", UNJUDGED) for r in results if r["candidate"] == name)
-              for name in (SHIPPED, TUNED)]  # fmt: skip
-    return Proof(found, (failed[0], failed[1]), says(found, (failed[0], failed[1]), directions))
-
-
-def says(found: Comparison, failed: tuple[int, int], directions: Mapping[str, str]) -> str:
-    """Better where an aim is shown to be and nothing is shown to be worse; a limit that is broken more often
-    is never bought.
-    """
-    shown = {name: says_of(found, name, better) for name, better in directions.items()}
-    if "worse" in (*shown.values(), found.says(VERDICTS)):
-        return WORSE
-    return BETTER if "better" in shown.values() and failed[1] <= failed[0] else NO_BETTER
-
-
-def says_of(found: Comparison, name: str, better: str) -> str:
-    """As a comparison says it, of a metric of which it does not know what is better, too."""
-    said = found.says(name)
-    if said != "changed":
-        return said
-    return "better" if (found.differences[name].estimate > 0.0) == (better == "higher") else "worse"
+    broken = Counter(r["candidate"] for r in results if r["verdict"] not in ("pass", UNJUDGED))
+    return Proof(replace(found, directions=directions), (broken[SHIPPED], broken[TUNED]))
 
 
 def _candidates(found: Tuned) -> dict[str, dict[str, Scalar]]:
@@ -410,8 +401,7 @@ def as_json(found: Tuned) -> str:
     """What was found, for other programs."""
     differences = {
         part: {name: {"mean_difference": d.estimate, "mean_low": d.low, "mean_high": d.high, "pairs": d.count,
-                      "says": says_of(proof.found, name, found.tune.directions[name]),
-                      "worst_tenth_mean": d.worst_tenth(found.tune.directions[name]),
+                      "says": proof.found.says(name), "worst_tenth_mean": proof.found.worst_tenth(name),
                       "harm_not_excluded": not_excluded(d.count)}
                for name, d in proof.found.differences.items()}
         for part, proof in found.proofs.items()

@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 from swath.core.number_text import num, percent_of
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 SUMMARY = "summary.json"
@@ -51,9 +51,7 @@ def _estimate(args: argparse.Namespace) -> int:
         raise InputError("--cheap-budget", args.cheap_budget, "expected --cheap beside it")
     source = source_of(args.case)
     cheap_budget = (args.cheap_budget or args.budget) if args.cheap else 0
-    asked = Estimate(
-        source, args.limit, args.budget, tuple(args.sets), tuple(args.cheap), cheap_budget, args.draw_seed
-    )
+    asked = made_of(Estimate, args, {"seed": "draw_seed"}, case=source, cheap_budget=cheap_budget)
     with progress(asked.budget + asked.all_cheap) as done, engine(args.cluster, args.workers) as client:
         found = run_estimate(args.out, asked, max(1, args.workers), done, client)
     return tell(found, args.at_most)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 
@@ -40,9 +40,7 @@ def _plan(args: argparse.Namespace) -> int:
     from swath.tools.function_test.field_plan.plan import FieldPlan, choose, plan_field, spread
 
     source = source_of(args.source)
-    asked = FieldPlan(
-        source, tuple(args.other), args.metric, args.runs, args.pairs, tuple(args.sets), args.seed
-    )
+    asked = made_of(FieldPlan, args, source=source)
     with progress(2 * args.pairs) as done, engine(args.cluster, args.workers) as client:
         planned = plan_field(args.out, asked, max(1, args.workers), done, client)
     if args.filled is not None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num, span
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 
@@ -32,7 +32,7 @@ def _search(args: argparse.Namespace) -> int:
 
     if args.batch < 1:
         raise InputError("--batch", args.batch, "expected 1 run or more")
-    search = Search(source_of(args.case), args.limit, args.batch, tuple(args.sets))
+    search = made_of(Search, args, case=source_of(args.case))
     with progress(args.budget) as done, engine(args.cluster, args.workers) as client:
         found = run_search(args.out, search, args.budget, max(1, args.workers), done, client)
     return tell(found, args.check)
