@@ -17,6 +17,7 @@ from swath.terminal.options import (
     add_scenario_options,
     load,
     option,
+    verb,
 )
 
 PLACE = "start", 0  # among all commands
@@ -24,7 +25,7 @@ PLACE = "start", 0  # among all commands
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("run", help="run a scenario, write a run folder", description=_DESCRIPTION)
+    parser = verb(parsers, "run", "run a scenario, write a run folder", run, _DESCRIPTION)
     option(parser, "scenario NAME|FILE", "a bundled scenario, a YAML file, or a run folder")
     add_scenario_options(parser)
     add_replace(parser)
@@ -74,7 +75,6 @@ def add(parsers: Any) -> None:
     option(parser, "--no-report", "do not write report.html")
     option(parser, "--no-replay", "do not write replay.html")
     option(parser, "--quiet", "print nothing but the folder of the run")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

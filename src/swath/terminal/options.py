@@ -1,7 +1,7 @@
 """Options that commands share: which scenario, what is changed in it, where to write."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from swath.core.files.output_folder import held
 from swath.core.number_text import num
 
 Made = TypeVar("Made")
+Run = Callable[[argparse.Namespace], int]
 
 
 def option(
@@ -46,6 +47,13 @@ def option(
         text += f" (default {num(default)})" if isinstance(default, float) else f" (default {default})"
     added = parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
     vars(added)["unit"] = unit
+
+
+def verb(parsers: Any, name: str, text: str, run: Run, description: str | None = None) -> Any:
+    """The parser of a command, or of a verb of one, that does something. text: its line of help."""
+    parser = parsers.add_parser(name, help=text, description=description)
+    parser.set_defaults(run=run)
+    return parser
 
 
 def made_of(kind: type[Made], args: argparse.Namespace, names: Mapping[str, str] | None = None,

@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets, option
+from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets, option, verb
 
 PLACE = "look", 3  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "branch", help="go back in a run, change something, continue from there", description=_DESCRIPTION
+    parser = verb(
+        parsers, "branch", "go back in a run, change something, continue from there", run, _DESCRIPTION
     )
     option(parser, "folder RUN", "a run folder", type=Path)
     option(parser, "--at-s S", "time of the change", type=float, required=True)
@@ -25,7 +25,6 @@ def add(parsers: Any) -> None:
     option(parser, "--save-every-s S", "as in swath run", type=float)
     option(parser, "--no-replay", "do not write replay.html")
     option(parser, "--quiet", "print nothing but the folder of the run")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_folder, made_of, option
+from swath.terminal.options import add_folder, made_of, option, verb
 from swath.tools.compare_scans import command as scans
 
 PLACE = "measured", 3  # among all commands
@@ -25,7 +25,7 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("compare", help="compare with what was measured")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
+    log = verb(verbs, "log", "a machine against a recorded log", run_log, _DESCRIPTION)
     option(log, "model MODEL", "machine: bundled name or data sheet")
     option(log, "log LOG", "CSV, zipped point shapefile, ISOXML, MF4, BLF or ASC", type=Path)
     help_ = "write picture, report, JSON, sheet and series"
@@ -62,7 +62,6 @@ def add(parsers: Any) -> None:
         metavar=("X", "Y"),
     )
     option(log, "--columns MAP.yaml", "which column of the log is what", type=Path)
-    log.set_defaults(run=run_log)
     scans.add(verbs)
 
 

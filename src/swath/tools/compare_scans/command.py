@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, option
+from swath.terminal.options import add_folder, option, verb
 
 DESCRIPTION = """
 Echoes of two recordings over one stand, or over stands of one kind, in cells along the path: how far
@@ -18,7 +18,7 @@ FILES = ("results.json", "profiles.png", "map.png", "report.html")
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    made = verbs.add_parser("scans", help="two sets of scans of a crop", description=DESCRIPTION)
+    made = verb(verbs, "scans", "two sets of scans of a crop", run, DESCRIPTION)
     option(made, "a A", "scans that are trusted more", type=Path)
     option(made, "b B", "scans that are compared with them", type=Path)
     add_folder(made, "comparison", *FILES, text="write report, pictures and JSON", required=False)
@@ -47,7 +47,6 @@ def add(verbs: Any) -> None:
     option(made, "--origin LAT,LON[,HEIGHT]", origin)
     option(made, "--white A,B", "intensity of a white target in A and in B")
     option(made, "--json", "print all numbers and cells as JSON")
-    made.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

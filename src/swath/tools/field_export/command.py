@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.field_io import command as field
-from swath.terminal.options import add_sets, load, made_of, option
+from swath.terminal.options import add_sets, load, made_of, option, verb
 
 PLACE = "measured", 0  # among all commands
 MB = 1e6
@@ -14,9 +14,7 @@ MB = 1e6
 def add(parsers: Any) -> None:
     """Add the command `field` with all its verbs."""
     verbs = field.add(parsers)
-    parser = verbs.add_parser(
-        "export", help="take a field to Gazebo, Blender, or as a survey", description=_DESCRIPTION
-    )
+    parser = verb(verbs, "export", "take a field to Gazebo, Blender, or as a survey", run, _DESCRIPTION)
     option(parser, "scenario FIELD", "a scenario, a run folder or a field folder")
     option(parser, "--to", "the form", choices=("sdf", "glb", "las"), required=True)
     option(parser, "--out F", "folder of sdf, file of the others", type=Path, required=True)
@@ -29,7 +27,6 @@ def add(parsers: Any) -> None:
     option(parser, "--plants-m R", "radius with plants of sdf and glb (0 = none)", 3.0)
     option(parser, "--points-per-m2 N", "pulses of the survey, las", 50.0)
     option(parser, "--most-mb MB", "refuse to write more than that", 250.0)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

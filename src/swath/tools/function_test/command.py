@@ -13,7 +13,7 @@ from swath.core.foreign_code import code_unread
 from swath.core.number_text import num
 from swath.core.process.shell import command
 from swath.core.units import digits_in
-from swath.terminal.options import add_folder, add_sets, made_of, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.terminal.tables import add_json
 from swath.tools.function_test import cheaper_command
 from swath.tools.function_test.estimate import command as estimate_command
@@ -28,11 +28,10 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("test", help="run and judge cases many times", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    listing = verbs.add_parser("list", help="list cases: parameters, limits")
+    listing = verb(verbs, "list", "list cases: parameters, limits", _list)
     option(listing, "cases", _CASES, "catalogue", nargs="?")
     add_json(listing)
-    listing.set_defaults(run=_list)
-    run = verbs.add_parser("run", help="do the runs of cases; resumes where it was stopped")
+    run = verb(verbs, "run", "do the runs of cases; resumes where it was stopped", _run)
     option(run, "cases", _CASES, nargs="?")
     add_folder(run, "function test", text="folder of the results", alone=False)
     option(run, "--odd ODD", "instead of cases: a bound ODD, a file or wheat-harvest")
@@ -59,33 +58,28 @@ def add(parsers: Any) -> None:
     option(run, "--shadow", "the first candidate steers, the others only see its scans (open loop)")
     add_engine(run)
     option(run, "--plan-only", "write the plan only, for swath test work")
-    run.set_defaults(run=_run)
     search_command.add(verbs)
     cheaper_command.add(verbs)
     estimate_command.add(verbs)
     field_plan.add(verbs)
-    work = verbs.add_parser("work", help="do one share of a plan, on any computer that sees the folder")
+    work = verb(verbs, "work", "do one share of a plan, on any computer that sees the folder", _work)
     work.add_argument("folder", type=Path)
     option(work, "--shard I/N", "share to do, e.g. 3/200", required=True)
-    work.set_defaults(run=_work)
-    report = verbs.add_parser("report", help="judge stored results by the present limits; runs nothing")
+    report = verb(verbs, "report", "judge stored results by the present limits; runs nothing", _report)
     report.add_argument("folder", type=Path)
     cod = "of an ODD: also what each run drove, as tables of OpenODD (COD), into DIR/cod"
     option(report, "--cod", cod)
-    report.set_defaults(run=_report)
-    versus = verbs.add_parser(
-        "compare", help="compare two results run by run; exit code 1: something is worse"
+    versus = verb(
+        verbs, "compare", "compare two results run by run; exit code 1: something is worse", _compare
     )
     option(versus, "old OLD", "a folder of results, or FOLDER:CANDIDATE")
     option(versus, "new NEW", "another, or the same with another candidate")
     option(versus, "--metric NAME", "compare this metric instead of the default ones", [])
     option(versus, "--within VALUE", "differences up to this count as equal", type=float)
-    versus.set_defaults(run=_compare)
-    again = verbs.add_parser("again", help="repeat one run as a full run folder and check its digest")
+    again = verb(verbs, "again", "repeat one run as a full run folder and check its digest", _again)
     again.add_argument("folder", type=Path)
     option(again, "name RUN", "the run, or the beginning of its name")
     option(again, "--out DIR", "default: FOLDER/kept/RUN", type=Path)
-    again.set_defaults(run=_again)
 
 
 def _list(args: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import made_of, option
+from swath.terminal.options import made_of, option, verb
 
 PLACE = "measured", 1  # among all commands
 
@@ -14,7 +14,7 @@ def add(parsers: Any) -> None:
     """Add the command and its verb."""
     parser = parsers.add_parser("height-map", help="recorded scans become a map of crop heights")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    made = verbs.add_parser("build", help="make a map from recorded scans", description=_DESCRIPTION)
+    made = verb(verbs, "build", "make a map from recorded scans", run_build, _DESCRIPTION)
     option(made, "source SOURCE", "run folder, .mcap, rosbag, .npz or .csv", type=Path)
     option(made, "--out FILE.npz", "the file to make", type=Path, required=True)
     option(made, "--scans TOPIC", "topic of the scans")
@@ -43,7 +43,6 @@ def add(parsers: Any) -> None:
     option(made, "--range-max-m M", "larger ranges are no echo [m]", 200.0)
     option(made, "--per-cell N", "heights kept per cell", 32)
     option(made, "--picture PNG", "the picture (default: beside the file)", type=Path)
-    made.set_defaults(run=run_build)
 
 
 def run_build(args: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, former, made_of, option
+from swath.terminal.options import add_folder, add_sets, former, made_of, option, verb
 
 PLACE = "measured", 4  # among all commands
 
@@ -13,9 +13,7 @@ def add(parsers: Any) -> None:
     """Add the command and its verb."""
     parser = parsers.add_parser("lab", help="what scanners measure over stands of known density")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    made = verbs.add_parser(
-        "stand", help="measured heights by density, scanner and view", description=_DESCRIPTION
-    )
+    made = verb(verbs, "stand", "measured heights by density, scanner and view", run_stand, _DESCRIPTION)
     add_folder(made, "lab", "lab.csv", "report.html")
     option(made, "--stems-per-m2 N", "density of the stands (default 200 600)", nargs="+", type=float)
     option(made, "--sensor NAME", "scanners (default: LMS511 HR and SR)", nargs="+")
@@ -35,7 +33,6 @@ def add(parsers: Any) -> None:
     option(made, "--distance-m M", "to the crop along the middle beam", 5.0)
     add_sets(made, "a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times")
     former(made, crop_height_m="--height", stems_per_m2="--density")
-    made.set_defaults(run=run_stand)
 
 
 def run_stand(args: argparse.Namespace) -> int:

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_replace, add_scenario_options, option
+from swath.terminal.options import add_replace, add_scenario_options, option, verb
 
 PLACE = "look", 4  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("rerun", help="run a recording again", description=_DESCRIPTION)
+    parser = verb(parsers, "rerun", "run a recording again", run, _DESCRIPTION)
     option(parser, "source RUN", "a run folder, or its run.mcap", type=Path)
     option(
         parser,
@@ -22,7 +22,6 @@ def add(parsers: Any) -> None:
     add_scenario_options(parser)
     add_replace(parser)
     option(parser, "--quiet", "print nothing but the folder of the run")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, made_of, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 PLACE = "many", 1  # among all commands
@@ -15,7 +15,7 @@ better than shipped, 4 better in the tuned cases only."""
 def add(parsers: Any) -> None:
     """Add the command."""
     said = "tune parameters in cases, prove them in others"
-    parser = parsers.add_parser("tune", help=said, description=_DESCRIPTION)
+    parser = verb(parsers, "tune", said, _tune, _DESCRIPTION)
     option(parser, "cases CASE", "bundled cases, case files or folders of them", nargs="+")
     option(parser, "--param KEY=RANGE", "2..8, 2..8:whole, 0.1..10:log, or choices a,b; several times", [],
            type=_parameter, required=True)  # fmt: skip
@@ -34,7 +34,6 @@ def add(parsers: Any) -> None:
     option(parser, "--seed N", "seed of the draws", 1)
     add_folder(parser, "tuning", text="folder of the results; the same command goes on", alone=False)
     add_engine(parser)
-    parser.set_defaults(run=_tune)
 
 
 def _parameter(text: str) -> list[str]:

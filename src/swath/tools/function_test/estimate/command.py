@@ -6,21 +6,18 @@ import os
 from typing import Any
 
 from swath.core.number_text import num, percent_of
-from swath.terminal.options import add_folder, add_sets, made_of, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 SUMMARY = "summary.json"
+_ABOUT = """Probability that a run breaks a limit, with its 95 % interval, by importance sampling over the
+exposure of what the case varies. Exit code 0 a number is given, 3 it cannot be supported; with --at-most 0
+kept, 1 exceeded, 3 not shown."""
 
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    estimate = verbs.add_parser(
-        "estimate",
-        help="estimate how likely a rare failure of a case is",
-        description="Probability that a run breaks a limit, with its 95 % interval, by importance sampling "
-        "over the exposure of what the case varies. Exit code 0 a number is given, 3 it cannot be supported; "
-        "with --at-most 0 kept, 1 exceeded, 3 not shown.",
-    )
+    estimate = verb(verbs, "estimate", "estimate how likely a rare failure of a case is", _estimate, _ABOUT)
     option(estimate, "case", "a case file or a bundled case; `exposure` says how often values occur")
     add_folder(estimate, "estimate", text="folder of the results", alone=False)
     option(estimate, "--limit NAME", "only this limit (default: any)", "")
@@ -37,7 +34,6 @@ def add(verbs: Any) -> None:
            unit="fraction")  # fmt: skip
     option(estimate, "--draw-seed N", "seed of the random points", 1)
     add_engine(estimate)
-    estimate.set_defaults(run=_estimate)
 
 
 def _estimate(args: argparse.Namespace) -> int:

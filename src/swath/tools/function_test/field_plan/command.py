@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, made_of, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    plan = verbs.add_parser("plan-field", help="which real passes narrow most what a simulation leaves open")
+    plan = verb(verbs, "plan-field", "which real passes narrow most what a simulation leaves open", _plan)
     option(plan, "source", "the folder of a campaign over an ODD (a dossier), or a case")
     option(plan, "--runs N", "real passes", 8)
     option(
@@ -28,7 +28,6 @@ def add(verbs: Any) -> None:
     option(plan, "--seed N", "seed of the draws", 1)
     add_folder(plan, "plan of the field", text="folder of the results", alone=False)
     add_engine(plan)
-    plan.set_defaults(run=_plan)
 
 
 def _plan(args: argparse.Namespace) -> int:

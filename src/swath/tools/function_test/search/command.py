@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num, span
-from swath.terminal.options import add_folder, add_sets, made_of, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    search = verbs.add_parser(
-        "search", help="search the boundary of failure within the parameter ranges of a case"
+    search = verb(
+        verbs, "search", "search the boundary of failure within the parameter ranges of a case", _search
     )
     option(search, "case", "a case file or a bundled case; parameters with a range are searched")
     add_folder(search, "search", text="folder of the results", alone=False)
@@ -22,7 +22,6 @@ def add(verbs: Any) -> None:
     add_sets(search, "of every scenario")
     option(search, "--check DIR", "other results of the case, to check the boundary against", type=Path)
     add_engine(search)
-    search.set_defaults(run=_search)
 
 
 def _search(args: argparse.Namespace) -> int:
