@@ -132,8 +132,8 @@ def main() -> None:
                 session.run_all = here(partial(driven, planted=planted))
                 campaign = Campaign(odd.name, revision_of(odd), (args.runs,), seed, TRUTH)
                 made = conduct(args.out / name, campaign, odd, 1, lambda result: None)
-                coverage, cells = made.coverage, made.cells()
-                write_dossier(made, cells)
+                coverage, cells = made.coverage, made.cells
+                write_dossier(made)
             else:
                 coverage = stood_in(odd, args.runs, seed, planted=planted)
                 cells = judged(coverage, odd.file.claim, is_complete=True)

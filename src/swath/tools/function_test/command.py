@@ -170,14 +170,12 @@ def _finish_odd(found: Any) -> int:
     from swath.terminal.tables import table
     from swath.tools.function_test.odd.dossier import summary_of, write_dossier
 
-    cells = found.cells()
-    page = write_dossier(found, cells)
-    said = summary_of(found, cells)
+    page, said = write_dossier(found), summary_of(found)
     table("", ("of the ODD", *said.columns), said.rows)
     for line in said.lines:
         print(line)
     print(f"dossier  {page}")
-    return exit_code(cell.verdict for cell in cells)
+    return exit_code(cell.verdict for cell in found.cells)
 
 
 def _work(args: argparse.Namespace) -> int:

@@ -226,7 +226,7 @@ def conditions_of(
 
     InputError where they show nothing.
     """
-    verdicts = {cell.places: cell.verdict for cell in found.cells()} if found else {}
+    verdicts = {cell.places: cell.verdict for cell in found.cells} if found else {}
     out: list[Condition] = []
     for a, b in zip(results[::2], results[1::2], strict=True):
         if "error" in (a["verdict"], b["verdict"]):
