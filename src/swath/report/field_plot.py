@@ -11,22 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.memory_layout import Solids
-from swath.report.plots import (
-    BLUE,
-    CROP,
-    DIM,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SKY,
-    SOIL,
-    STRAW,
-    STUBBLE,
-    evenly,
-    panels,
-)
+from swath.report import plots
 from swath.report.scan_sampler import FieldMap, straw_depth
 from swath.runtime.world import World
 from swath.signals import F64
@@ -39,10 +24,10 @@ def ground_colours(field: Any, x: F64, y: F64) -> NDArray[np.uint8]:
     """Colours (..., 3) in sRGB of world points (...) [m]: crop, stubble, bare ground, straw."""
     left = field.left_height(x, y)
     colours = np.empty((*np.shape(x), 3), np.uint8)
-    colours[...] = _rgb(SOIL)
-    colours[(left > 0.0) & np.isfinite(left)] = _rgb(STUBBLE)
-    colours[np.isinf(left)] = _rgb(CROP)
-    colours[(straw_depth(field, x, y) > SHOWN_STRAW) & ~np.isinf(left)] = _rgb(STRAW)
+    colours[...] = _rgb(plots.SOIL)
+    colours[(left > 0.0) & np.isfinite(left)] = _rgb(plots.STUBBLE)
+    colours[np.isinf(left)] = _rgb(plots.CROP)
+    colours[(straw_depth(field, x, y) > SHOWN_STRAW) & ~np.isinf(left)] = _rgb(plots.STRAW)
     return colours
 
 
@@ -54,7 +39,7 @@ def top_view(world: World, machine: str, *, size_m: float = 30.0, pixels: int = 
     picture = ground_colours(world.field, x, y)
     own = world.bodies.own(machine)
     for body in world.bodies.around():
-        picture[_under(body.solids, x, y)] = _rgb(BLUE if body.name in own else INK)
+        picture[_under(body.solids, x, y)] = _rgb(plots.BLUE if body.name in own else plots.INK)
     return picture
 
 
@@ -123,36 +108,42 @@ def map_figure(
     places: x, y and kind of what happened; all world [m]
     """
     left, right, bottom, top = picture.extent
-    fig, axes = panels(float(np.clip(10.0 * (top - bottom) / (right - left), 1.7, 8.5)) + 0.8, top=0.3)
+    fig, axes = plots.panels(float(np.clip(10.0 * (top - bottom) / (right - left), 1.7, 8.5)) + 0.8, top=0.3)
     ax = axes[0, 0]
     ax.grid(False)
-    ax.set_facecolor(SOIL)
+    ax.set_facecolor(plots.SOIL)
     ax.imshow(
-        _layer(picture.standing, CROP, 0.92),
+        _layer(picture.standing, plots.CROP, 0.92),
         extent=picture.extent,
         origin="lower",
         zorder=2,
-        gid=f"{DIM}_crop",
+        gid=f"{plots.DIM}_crop",
     )
     if picture.straw is not None and (picture.straw > 0.01).any():
         depth = np.clip(picture.straw / max(float(picture.straw.max()), 1e-6), 0, 1)
         ax.imshow(
-            _layer(depth, STRAW, 0.75), extent=picture.extent, origin="lower", zorder=3, gid=f"{DIM}_straw"
+            _layer(depth, plots.STRAW, 0.75),
+            extent=picture.extent,
+            origin="lower",
+            zorder=3,
+            gid=f"{plots.DIM}_straw",
         )
     ax.set_autoscale_on(False)
     for index, edge in enumerate(edges):
         label = None if index else "initial edge"
-        ax.plot(*picture.place(edge).T, color=INK, ls=(0, (5, 3)), label=label, lw=1.4, zorder=5)
+        ax.plot(*picture.place(edge).T, color=plots.INK, ls=(0, (5, 3)), label=label, lw=1.4, zorder=5)
     for index, track in enumerate(tracks):
         _draw_track(ax, picture, track, index, named=len(tracks) > 1)
     if driven is not None:
-        ax.plot(*picture.place(driven).T, color=PURPLE, ls=":", lw=2.0, zorder=6, label="driven in reality")
+        ax.plot(
+            *picture.place(driven).T, color=plots.PURPLE, ls=":", lw=2.0, zorder=6, label="driven in reality"
+        )
     for x, y, radius in obstacles:
         u, v = picture.place([x, y])
         ax.add_patch(_circle(u, v, max(radius, 0.35)))
     for kind in dict.fromkeys(kind for _, _, kind in places):
         at = picture.place([(x, y) for x, y, own in places if own == kind])
-        ax.plot(*at.T, "X", ms=9, mfc="white", mec=INK, zorder=9, label=kind)
+        ax.plot(*at.T, "X", ms=9, mfc="white", mec=plots.INK, zorder=9, label=kind)
     ax.set(xlim=(left, right), ylim=(bottom, top), xlabel="along the run [m]", aspect="equal")
     ax.set_ylabel("across [m]")
     _north(ax, picture.turn)
@@ -165,18 +156,18 @@ def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, name
     colour of its axle where there are several.
     """
     line = {"lw": 1.4, "zorder": 5}
-    axle = (BLUE, GREEN, PURPLE, SKY)[index % 4]
+    axle = (plots.BLUE, plots.GREEN, plots.PURPLE, plots.SKY)[index % 4]
     if track.has_header:
         left, right = (picture.place(_thin(end)) for end in track.header_ends)
         swath = np.concatenate([left, right[::-1]])
-        ax.add_artist(_area(swath, color=STUBBLE, lw=0, label=None if index else "cut in this run"))
+        ax.add_artist(_area(swath, color=plots.STUBBLE, lw=0, label=None if index else "cut in this run"))
         follows = f"header end ({track.side})" if not named else None if index else "header end"
-        ax.plot(*(left if track.side == "left" else right).T, color=ORANGE, label=follows, **line)
+        ax.plot(*(left if track.side == "left" else right).T, color=plots.ORANGE, label=follows, **line)
     label = track.name if named else "machine (fixed axle)"
     ax.plot(*picture.place(_thin(track.axle)).T, color=axle, label=label, **line)
     if track.outline is not None:
         outline = picture.place(track.outline)
-        edge = {"ec": axle, "lw": 1.5} if named else {"ec": INK, "lw": 0.9}
+        edge = {"ec": axle, "lw": 1.5} if named else {"ec": plots.INK, "lw": 0.9}
         ax.add_artist(_area(outline, fc="white", alpha=0.9, zorder=7, **edge))
 
 
@@ -188,8 +179,8 @@ def _area(corners: F64, **style: Any) -> Any:
 
 
 def _thin(way: F64) -> F64:
-    """Points of a way (n, 2) spread evenly, and its end."""
-    return np.concatenate([way[:-1][evenly(way)], way[-1:]])
+    """Points of a way (n, 2) spread plots.evenly, and its end."""
+    return np.concatenate([way[:-1][plots.evenly(way)], way[-1:]])
 
 
 def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
@@ -205,7 +196,7 @@ def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
 def _circle(x: float, y: float, radius: float) -> Any:
     from matplotlib.patches import Circle
 
-    return Circle((x, y), radius, fc=GREY, ec=INK, lw=0.8, zorder=8)
+    return Circle((x, y), radius, fc=plots.GREY, ec=plots.INK, lw=0.8, zorder=8)
 
 
 def _north(ax: Any, turn: float) -> None:
@@ -220,9 +211,9 @@ def _north(ax: Any, turn: float) -> None:
         ha="center",
         va="center",
         fontsize=9,
-        color=INK,
+        color=plots.INK,
         zorder=9,
-        arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 5, "shrinkB": 0},
+        arrowprops={"arrowstyle": "-|>", "color": plots.INK, "lw": 1.2, "shrinkA": 5, "shrinkB": 0},
         bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
     )
 
@@ -232,11 +223,11 @@ def _map_legend(ax: Any, picture: FieldMap, *, has_obstacles: bool) -> None:
     from matplotlib.patches import Patch
 
     handles, _ = ax.get_legend_handles_labels()
-    handles.insert(0, Patch(fc=CROP, label="standing crop"))
+    handles.insert(0, Patch(fc=plots.CROP, label="standing crop"))
     if picture.straw is not None and (picture.straw > 0.01).any():
-        handles.insert(1, Patch(fc=STRAW, alpha=0.75, label="straw"))
+        handles.insert(1, Patch(fc=plots.STRAW, alpha=0.75, label="straw"))
     if has_obstacles:
-        handles.append(Line2D([], [], marker="o", ls="", mfc=GREY, mec=INK, label="obstacle"))
+        handles.append(Line2D([], [], marker="o", ls="", mfc=plots.GREY, mec=plots.INK, label="obstacle"))
     ax.legend(handles=handles, ncol=len(handles), loc="lower left", bbox_to_anchor=(0.0, 1.0),
               handlelength=1.6, columnspacing=1.3, borderaxespad=0.2)  # fmt: skip
 

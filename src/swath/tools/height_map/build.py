@@ -100,12 +100,12 @@ def build_height_map(
     else:
         _check_ground(counts["notes"], lattice, samples, settings.grounds)
     pools = _cells(source, samples, settings, frame, lattice, progress)
-    quantiles = np.stack(pools.quantiles)
+    stacks = pools.stacked()
     about = {
         "source": source.name,
         "driven_m": round(source.track.length, 3),
         **counts,
-        "measured_cells": int(np.count_nonzero(quantiles[..., 0] != NONE)),
+        "measured_cells": int(np.count_nonzero(stacks["quantiles"][..., 0] != NONE)),
         "settings": asdict(settings),
     }
     return HeightGrid(
@@ -113,12 +113,9 @@ def build_height_map(
         yaw=frame.yaw,
         cell=settings.cell_m,
         table=pools.table,
-        quantiles=quantiles,
-        thickness=np.stack(pools.thickness),
-        count=np.stack(pools.count),
-        intensity=np.stack(pools.intensity),
         ground=lattice.astype(np.float32),
         about=about,
+        **stacks,
     )
 
 
@@ -182,29 +179,21 @@ class _Pools:
 
     def __init__(self, tiles: tuple[int, int]) -> None:
         self.table = np.full(tiles, -1, np.int32)
-        self.quantiles: list[NDArray[np.int16]] = []
-        self.thickness: list[NDArray[np.float32]] = []
-        self.count: list[NDArray[np.uint16]] = []
-        self.intensity: list[NDArray[np.float32]] = []
+        self._tiles: list[list[NDArray[Any]]] = []
 
-    def add(
-        self,
-        samples: Samples,
-        row: int,
-        column: int,
-        heights: NDArray[np.int16],
-        thickness: NDArray[np.float32],
-    ) -> None:
-        """The tiles of a block whose first is (row, column)."""
-        count, light = _own(samples, column * TILE, row * TILE)
+    def add(self, samples: Samples, row: int, column: int, *found: NDArray[Any]) -> None:
+        """The tiles of a block whose first is (row, column). found: its heights and thickness."""
+        block = (*found, *_own(samples, column * TILE, row * TILE))
         for k in range(min(BLOCK // TILE, self.table.shape[1] - column)):
-            part = np.s_[:, k * TILE : (k + 1) * TILE]
-            if (heights[part][..., 0] != NONE).any():
-                self.table[row, column + k] = len(self.quantiles)
-                self.quantiles.append(heights[part])
-                self.thickness.append(thickness[part])
-                self.count.append(count[part])
-                self.intensity.append(light[part])
+            tile = [values[:, k * TILE : (k + 1) * TILE] for values in block]
+            if (tile[0][..., 0] != NONE).any():
+                self.table[row, column + k] = len(self._tiles)
+                self._tiles.append(tile)
+
+    def stacked(self) -> dict[str, NDArray[Any]]:
+        """All tiles by what a grid calls it."""
+        stacks = map(np.stack, zip(*self._tiles, strict=True))
+        return dict(zip(("quantiles", "thickness", "count", "intensity"), stacks, strict=True))
 
 
 def _cells(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,13 +124,7 @@ def batches(source: Source) -> Iterator[Echoes]:
 
 
 def _joined(held: list[Echoes]) -> Echoes:
-    return Echoes(
-        np.concatenate([e.time for e in held]),
-        np.concatenate([e.points for e in held]),
-        np.concatenate([e.intensity for e in held]),
-        sum(e.silent_count for e in held),
-        sum(e.scan_count for e in held),
-        np.concatenate([e.silent for e in held]),
-        np.concatenate([e.silent_time for e in held]),
-        held[0].mounting,
-    )
+    names = ("time", "points", "intensity", "silent", "silent_time")
+    whole: dict[str, Any] = {name: np.concatenate([getattr(e, name) for e in held]) for name in names}
+    whole |= {name: sum(getattr(e, name) for e in held) for name in ("silent_count", "scan_count")}
+    return Echoes(**whole, mounting=held[0].mounting)
