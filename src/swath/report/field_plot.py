@@ -107,27 +107,22 @@ def map_figure(
     edges: initial edges, (k, 2); obstacles: x, y, radius; driven: a track driven in reality, (m, 2)
     places: x, y and kind of what happened; all world [m]
     """
+    from matplotlib.patches import Circle
+
     left, right, bottom, top = picture.extent
     fig, axes = plots.panels(float(np.clip(10.0 * (top - bottom) / (right - left), 1.7, 8.5)) + 0.8, top=0.3)
     ax = axes[0, 0]
     ax.grid(False)
     ax.set_facecolor(plots.SOIL)
-    ax.imshow(
-        _layer(picture.standing, plots.CROP, 0.92),
-        extent=picture.extent,
-        origin="lower",
-        zorder=2,
-        gid=f"{plots.DIM}_crop",
-    )
+
+    def lay(share: NDArray[Any], colour: str, alpha: float, zorder: int, name: str) -> None:
+        look = {"extent": picture.extent, "origin": "lower", "gid": f"{plots.DIM}_{name}"}
+        ax.imshow(_layer(share, colour, alpha), zorder=zorder, **look)
+
+    lay(picture.standing, plots.CROP, 0.92, 2, "crop")
     if picture.straw is not None and (picture.straw > 0.01).any():
         depth = np.clip(picture.straw / max(float(picture.straw.max()), 1e-6), 0, 1)
-        ax.imshow(
-            _layer(depth, plots.STRAW, 0.75),
-            extent=picture.extent,
-            origin="lower",
-            zorder=3,
-            gid=f"{plots.DIM}_straw",
-        )
+        lay(depth, plots.STRAW, 0.75, 3, "straw")
     ax.set_autoscale_on(False)
     for index, edge in enumerate(edges):
         label = None if index else "initial edge"
@@ -140,7 +135,7 @@ def map_figure(
         )
     for x, y, radius in obstacles:
         u, v = picture.place([x, y])
-        ax.add_patch(_circle(u, v, max(radius, 0.35)))
+        ax.add_patch(Circle((u, v), max(radius, 0.35), fc=plots.GREY, ec=plots.INK, lw=0.8, zorder=8))
     for kind in dict.fromkeys(kind for _, _, kind in places):
         at = picture.place([(x, y) for x, y, own in places if own == kind])
         ax.plot(*at.T, "X", ms=9, mfc="white", mec=plots.INK, zorder=9, label=kind)
@@ -191,12 +186,6 @@ def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
     rgba[..., :3] = np.rint(255.0 * np.array(to_rgb(colour)))
     rgba[..., 3] = np.rint(255.0 * alpha * share)
     return rgba
-
-
-def _circle(x: float, y: float, radius: float) -> Any:
-    from matplotlib.patches import Circle
-
-    return Circle((x, y), radius, fc=plots.GREY, ec=plots.INK, lw=0.8, zorder=8)
 
 
 def _north(ax: Any, turn: float) -> None:

@@ -25,12 +25,13 @@ from swath.field_io.logs.machine_log import MachineLog
 from swath.machine.machine_sheet import read_machine
 from swath.tools.compare_log.compare import (
     SHOWN,
-    STRETCH,
     Drive,
     Fitted,
     LogRunner,
     SeriesStatistics,
     compare_series,
+    starts_of,
+    stretches,
     usable,
 )
 
@@ -154,11 +155,10 @@ def predictions(log: MachineLog, simulated: dict[str, Array]) -> tuple[Predictio
 
 def r2_range(log: MachineLog, mask: Mask, measured: Array, simulated: Array) -> tuple[float, float]:
     """95 % interval of R2 over a bootstrap of the log's stretches: how much hangs on those driven."""
-    stretch = np.stack([log.machine[mask], np.floor(log.time[mask] / STRETCH)], axis=1)
-    _, index = np.unique(stretch, axis=0, return_inverse=True)
+    _, index = stretches(log, mask)
     real, left = measured[mask] - measured[mask].mean(), (simulated - measured)[mask]
     columns = (np.ones(len(real)), real, real**2, left**2)
-    sums = np.stack([np.bincount(index.ravel(), c) for c in columns], axis=1)
+    sums = np.stack([np.bincount(index, c) for c in columns], axis=1)
     drawn = Stream(0, "r2_range").at().integers(0, len(sums), (RESAMPLES, len(sums)))
     count, first, second, error = sums[drawn].sum(axis=1).T
     low, high = np.percentile(1.0 - error / np.maximum(second - first**2 / count, 1e-30), [2.5, 97.5])
@@ -197,15 +197,11 @@ class _Model:
     def __init__(self, sheet: Sheet, log: MachineLog, drive: Drive, keys: Sequence[str]) -> None:
         self._sheet, self._log, self._keys = sheet, log, keys
         self._runner = LogRunner(log, drive)
-        self.start = np.array([sheet.number(key) for key in keys])
-        if not (self.start > 0.0).all():
-            raise InputError(keys[int(np.argmin(self.start))], float(self.start.min()), "expected above 0")
+        self.start = starts_of(sheet, keys)
         self._used = np.flatnonzero(usable(log))
         self._spread = {q: float(np.std(log.measured[q][self._used])) or 1.0 for q in ON}
-        clock = np.floor(log.time[self._used] / STRETCH).astype(np.int64)
-        pairs = np.stack([log.machine[self._used], clock], axis=1)
-        known, self._stretch = np.unique(pairs, axis=0, return_inverse=True)
-        self._machine = known[:, 0]
+        known, self._stretch = stretches(log, self._used)
+        self._machine = known[:, 0].astype(np.int64)
 
     def run(self, ratio: Array) -> dict[str, Array]:
         """The simulated series, SI."""

@@ -444,9 +444,7 @@ def _fit(
     """
     with Extra("geo", "fitting a model"):
         from scipy.optimize import least_squares
-    start = np.array([sheet.number(key) for key in keys])
-    if not (start > 0.0).all():
-        raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")
+    start = starts_of(sheet, keys)
     if mask.sum() < FEWEST:
         raise InputError("fit", int(mask.sum()), f"expected at least {FEWEST} records to fit on")
     part, inside = log.keep(span), mask[span]
@@ -468,15 +466,28 @@ def _fit(
     if steady.any() and not steady.all():
         ratio[steady] = least_squares(lambda x: residuals(_put(ratio, steady, x)), ratio[steady], **limits).x
     found = least_squares(residuals, ratio, **limits)
-    at = np.stack([part.machine, np.floor(part.time / STRETCH)], axis=1)[inside]
-    stretch = np.unique(at, axis=0, return_inverse=True)[1].ravel()
-    doubt = _standard_errors(found.jac, found.fun, np.tile(stretch, len(on))) * start
+    doubt = _standard_errors(found.jac, found.fun, np.tile(stretches(part, inside)[1], len(on))) * start
     units = [split_unit(key)[1] for key in keys]
     rows = zip(keys, start, start * found.x, doubt, units, strict=True)
     best = sheet.changed(dict(zip(keys, start * found.x, strict=True)))
     return best, tuple(
         Fitted(key, rounded(at, 5), rounded(to, 5), rounded(by, 5), unit) for key, at, to, by, unit in rows
     )
+
+
+def stretches(log: MachineLog, mask: Mask | NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    """Machine and number of each stretch, (k, 2), and which one some records belong to, (n,)."""
+    at = np.stack([log.machine[mask], np.floor(log.time[mask] / STRETCH)], axis=1)
+    known, index = np.unique(at, axis=0, return_inverse=True)
+    return known, index.ravel()
+
+
+def starts_of(sheet: Sheet, keys: Sequence[str]) -> Array:
+    """The numbers of a sheet that a fit starts from. InputError for one that is not above 0."""
+    start = np.array([sheet.number(key) for key in keys])
+    if not (start > 0.0).all():
+        raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")
+    return start
 
 
 def _put(ratio: Array, where: Mask, values: Array) -> Array:

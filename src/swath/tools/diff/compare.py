@@ -12,7 +12,7 @@ import numpy as np
 from swath.core.number_text import num, signed
 from swath.core.schedule import NS
 from swath.documents.yaml_document import read_document
-from swath.judge.summary import read_summary
+from swath.judge.summary import numbers_in, read_summary
 from swath.record.charts import Columns, shown_charts
 from swath.record.digest import encode
 from swath.record.read.feed import exact_outputs, exact_samples, unlike
@@ -27,7 +27,7 @@ from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
 
 ROUNDING = 1e-12  # relative; metrics nearer than that are reported as equal
-VARY = ("real_time_factor", "wall_s")  # by the clock on the wall
+VARY = ("real_time_factor", "wall_s", "seed")  # by the clock on the wall, and what is a setting
 
 
 @dataclass(frozen=True)
@@ -176,28 +176,17 @@ def _flat(node: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 def _metrics(a: Run, b: Run) -> list[tuple[str, str, str, str]]:
     """Metrics that differ; of several machines with the machine's name."""
-    one, other = _numbers(a.summary), _numbers(b.summary)
+    one, other = numbers_in(a.summary), numbers_in(b.summary)
     rows = []
     for name in dict.fromkeys([*one, *other]):
         x, y = one.get(name), other.get(name)
+        if name in VARY or (x is None and y is None):
+            continue
         if x is None or y is None:
             rows.append((name, num(x), num(y), ""))
         elif abs(y - x) > ROUNDING * max(abs(x), abs(y)):
             rows.append((name, num(x, beside=[y]), num(y, beside=[x]), signed(y - x, of=[x, y])))
     return rows
-
-
-def _numbers(summary: Mapping[str, Any]) -> dict[str, float]:
-    own = {
-        **summary,
-        **{f"{m}.{k}": v for m, part in summary.get("machines", {}).items() for k, v in part.items()},
-    }
-    kinds = (int, float)
-    return {
-        k: v
-        for k, v in own.items()
-        if isinstance(v, kinds) and not isinstance(v, bool) and k not in (*VARY, "seed")
-    }
 
 
 def _events(run: Run) -> list[tuple[str, str]]:

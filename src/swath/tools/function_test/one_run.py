@@ -7,6 +7,7 @@ from typing import Any
 from swath.core.errors import shortened
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.judge.evaluators.lateral_error import LateralError
+from swath.judge.summary import numbers_in
 from swath.runtime.credibility import NEVER_CHECKED, outside_of
 from swath.runtime.credibility import SUMMARY as CREDIBILITY
 from swath.runtime.hooks import ActiveRun, RunHook
@@ -111,7 +112,7 @@ def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
         **run.about,
         "verdict": verdict,
         "reason": reason,
-        "metrics": _metrics(summary),
+        "metrics": {k: v for k, v in numbers_in(summary).items() if k not in NOT_METRICS},
         "expect": summary["expect"],
         "incidents": [
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
@@ -129,15 +130,3 @@ def _edge_us(cost: dict[str, dict[str, float]]) -> float | None:
     """Time of a step of the edge detectors [us], None where there is none."""
     found = [of for slot, of in cost.items() if slot.rpartition(".")[2] == "edge" and of["steps"]]
     return 1e6 * sum(of["seconds"] for of in found) / sum(of["steps"] for of in found) if found else None
-
-
-def _metrics(summary: dict[str, Any]) -> dict[str, float | None]:
-    """Numbers of the summary by name; with several machines as `machine.name`."""
-    found = {k: v for k, v in summary.items() if _is_number(v) and k not in NOT_METRICS}
-    for machine, values in summary.get("machines", {}).items():
-        found |= {f"{machine}.{k}": v for k, v in values.items() if _is_number(v)}
-    return found
-
-
-def _is_number(value: Any) -> bool:
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))

@@ -127,7 +127,7 @@ def _history(found: Tuned, aim: int) -> Chart:
         chart.line(0.0, at(values[-1]), 1.0, at(values[-1]), "3 3")
     for number, tried in enumerate(found.tried):
         x = number / max(1, len(found.tried) - 1)
-        _mark(chart, x, at(values[number]), tried.measured, _title(found, number))
+        chart.run(x, at(values[number]), _title(found, number), keeps=tried.measured.slack >= 0.0)
         if number == found.best:
             chart.dot(x, at(values[number]), title=_title(found, number), radius=7.0, fill="var(--green)")
     return chart
@@ -159,13 +159,6 @@ def _axis(name: str, values: Sequence[float], better: str) -> tuple[tuple[str, s
         return 0.04 + 0.92 * min(1.0, (value - low) / (high - low)) if isfinite(value) else 0.98
 
     return (name, num(sign * low), num(sign * high)), at
-
-
-def _mark(chart: Chart, x: float, y: float, measured: Measured, title: str) -> None:
-    if measured.slack < 0.0:
-        chart.cross(x, y, title)
-    else:
-        chart.dot(x, y, "on", title)
 
 
 def _title(found: Tuned, number: int) -> str:

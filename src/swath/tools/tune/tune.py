@@ -49,7 +49,7 @@ BETTER, NO_BETTER, TUNED_ONLY, WORSE = (
     "better", "no better than shipped", "better in the tuned cases only", "worse than shipped",
 )  # fmt: skip
 CODES = {BETTER: 0, WORSE: 1, NO_BETTER: 3, TUNED_ONLY: 4}
-Draw = tuple[int, Point]  # seed and point of a run
+Cases = Mapping[str, tuple[tuple[int, Point], ...]]  # seed and point of each run, by name of the case
 
 
 @dataclass(frozen=True)
@@ -100,15 +100,6 @@ class Tune:
             if found[name] not in ("lower", "higher"):
                 raise InputError("--aim", aim, f"expected {name}:lower or {name}:higher, what is better")
         return found
-
-
-@dataclass(frozen=True)
-class Draws:
-    """Runs of the cases in each part, by name of the case."""
-
-    tuned: Mapping[str, tuple[Draw, ...]]
-    fresh: Mapping[str, tuple[Draw, ...]]
-    unseen: Mapping[str, tuple[Draw, ...]]
 
 
 @dataclass(frozen=True)
@@ -201,7 +192,7 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
     settings: dict[str, list[str]] = {SHIPPED: []}
     nothing: dict[str, str] = {}
 
-    def do(part: str, cases: Mapping[str, tuple[Draw, ...]], candidates: Mapping[str, Any]) -> list[Result]:
+    def do(part: str, cases: Cases, candidates: Mapping[str, Any]) -> list[Result]:
         session = _session(folder / part, tune, cases, candidates)
         session.write()
         session.do(workers, done, client)
@@ -217,31 +208,31 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
             slot: [text for text in sets if text.partition("=")[0] in keys]
             for slot, keys in tune.slots.items()
         }
-        first += do(ALONE, draws.tuned, alone)
+        first += do(ALONE, draws[TUNED], alone)
         return {slot: [slot] for slot in alone}
 
     def measure(some: F64) -> list[Measured]:
         new = {f"t{len(settings) + n}": as_sets(sets_at(tune.parameters, at)) for n, at in enumerate(some)}
         settings.update(new)
-        results = do(TUNED, draws.tuned, new)
+        results = do(TUNED, draws[TUNED], new)
         if len(settings) == 1 + len(new):
             first = [*before, *results]
             name_first(nothing, telling_nothing(first, tune.directions, of_slots(first, new), _value))
         return [measured([r for r in results if r["candidate"] == name], tune.directions) for name in new]
 
-    before = do(TUNED, draws.tuned, {SHIPPED: []})
+    before = do(TUNED, draws[TUNED], {SHIPPED: []})
     _check_aims(tune, before)
     name_first(nothing, telling_nothing(before))
     tried = optimise(tune.parameters, len(tune.aims), tune.tries, tune.seed, measure)
     best = winner(tried)
-    whole = _session(folder / TUNED, tune, draws.tuned, settings)
+    whole = _session(folder / TUNED, tune, draws[TUNED], settings)
     whole.write()
     whole.table()
     found = Tuned(folder, tune, tried, measured(before, tune.directions), best, {})
     write_whole(folder / CANDIDATES, dump(_candidates(found)))
     proofs = {}
-    for part, cases in ((FRESH, draws.fresh), (UNSEEN, draws.unseen)):
-        if cases:
+    for part in PARTS:
+        if cases := draws[part]:
             results = do(part, cases, {SHIPPED: [], TUNED: as_sets(found.winner)})
             proofs[part] = _proof(folder / part, results, tune.directions)
     return Tuned(folder, tune, tried, found.shipped, best, proofs, nothing)
@@ -287,18 +278,17 @@ def _candidates(found: Tuned) -> dict[str, dict[str, Scalar]]:
     return {SHIPPED: {}, TUNED: found.winner, **rest}
 
 
-def _session(folder: Path, tune: Tune, cases: Mapping[str, tuple[Draw, ...]],
-             candidates: Mapping[str, Sequence[str]]) -> Session:  # fmt: skip
+def _session(folder: Path, tune: Tune, cases: Cases, candidates: Mapping[str, Sequence[str]]) -> Session:
     paths = {case.name: source for source in (*tune.cases, *tune.proven) for case in find_cases(source)}
     sources = tuple(dict.fromkeys(paths[name] for name in cases))
     plan = Plan(sources, candidates=candidates, sets=tune.sets, level=tune.level, chosen=cases)
     return Session(folder, plan)
 
 
-def draws_of(tune: Tune) -> Draws:
-    """Which runs measure the settings, and which prove the winner."""
+def draws_of(tune: Tune) -> dict[str, Cases]:
+    """Which runs measure the settings (`tuned`), and which prove the winner (`fresh`, `unseen`)."""
     cases, others = find_cases(tune.cases), find_cases(tune.proven) if tune.proven else []
-    tuned, fresh, unseen = dict[str, tuple[Draw, ...]](), dict[str, tuple[Draw, ...]](), {}
+    tuned, fresh, unseen = {}, {}, {}
     split = {case.name: _conditions(case, tune, both=True) for case in cases}
     for case, count, proof in zip(cases, _shares(tune.each, len(cases)),
                                   _shares(tune.proof, len(cases)), strict=True):  # fmt: skip
@@ -309,7 +299,7 @@ def draws_of(tune: Tune) -> Draws:
     rest = [(case, _conditions(case, tune, both=False)[0]) for case in others] or rest
     for (case, there), proof in zip(rest, _shares(tune.proof, len(rest)), strict=True):
         unseen[case.name] = _runs(_other_seeds(case, tune.proof, proof), there, proof)
-    return Draws(tuned, fresh, unseen)
+    return {TUNED: tuned, FRESH: fresh, UNSEEN: unseen}
 
 
 def _conditions(case: Case, tune: Tune, *, both: bool) -> tuple[list[Point], list[Point]]:
@@ -331,7 +321,7 @@ def _shares(total: int, among: int) -> list[int]:
     return [max(1, total // among + (n < total % among)) for n in range(among)]
 
 
-def _runs(seeds: Sequence[int], points: Sequence[Point], count: int) -> tuple[Draw, ...]:
+def _runs(seeds: Sequence[int], points: Sequence[Point], count: int) -> tuple[tuple[int, Point], ...]:
     return tuple((seeds[n % len(seeds)], points[n % len(points)]) for n in range(count))
 
 
@@ -340,7 +330,7 @@ def _other_seeds(case: Case, first: int, count: int) -> Sequence[int]:
     return range(max(case.seeds) + 1 + first, max(case.seeds) + 1 + first + count)
 
 
-def _check(tune: Tune) -> Draws:
+def _check(tune: Tune) -> dict[str, Cases]:
     """The draws of a tuning. InputError for what cannot be tuned, MissingExtra."""
     ranges = {"tries": (FEWEST, MOST, "settings"), "each": (1, inf, "runs"), "proof": (10, inf, "runs")}
     raise_all([
@@ -355,7 +345,7 @@ def _check(tune: Tune) -> Draws:
         raise InputError("--aim", ", ".join(tune.aims), "expected one aim or two")
     draws = draws_of(tune)
     ends = {f"{end:g}": as_sets(sets_at(tune.parameters, np.full(len(keys), end))) for end in (0.0, 1.0)}
-    _session(Path(), tune, {**draws.tuned, **draws.unseen}, {SHIPPED: [], **ends}).plan.check()
+    _session(Path(), tune, {**draws[TUNED], **draws[UNSEEN]}, {SHIPPED: [], **ends}).plan.check()
     return draws
 
 
@@ -391,9 +381,8 @@ def write_winner(found: Tuned) -> Path:
     """The scenario of the first case at its first condition, with what was tuned."""
     from swath.tools.function_test.one_run import scenario_of
 
-    name = next(iter(draws_of(found.tune).tuned))
-    session = _session(found.folder, found.tune, {name: draws_of(found.tune).tuned[name][:1]},
-                       {TUNED: as_sets(found.winner)})  # fmt: skip
+    name, runs = next(iter(draws_of(found.tune)[TUNED].items()))
+    session = _session(found.folder, found.tune, {name: runs[:1]}, {TUNED: as_sets(found.winner)})
     return write_whole(found.folder / WINNER, scenario_of(next(session.plan.runs())).resolved())
 
 

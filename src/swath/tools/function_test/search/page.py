@@ -97,10 +97,7 @@ def _line(found: Searched, boundary: Boundary) -> Chart:
 def _with_runs(made: Chart, found: Searched, boundary: Boundary, x: Any, y: Any) -> Chart:
     for a, b, margin, result in zip(x, y, boundary.margins, found.judged, strict=True):
         title = f"{point_text(result['point'], result['seed'])}: margin {signed(margin)}"
-        if margin >= 0.0:
-            made.dot(float(a), float(b), "on", title)
-        else:
-            made.cross(float(a), float(b), title)
+        made.run(float(a), float(b), title, keeps=margin >= 0.0)
     return made
 
 
