@@ -14,13 +14,12 @@ from swath.field.memory_layout import Solids
 from swath.report import plots
 from swath.report.scan_sampler import FieldMap, straw_depth
 from swath.runtime.world import World
-from swath.signals import F64
+from swath.signals import F64, U8, Mask
 
 SHOWN_STRAW = 0.01  # depth from which straw is drawn [m]
-Mask = NDArray[np.bool_]
 
 
-def ground_colours(field: Any, x: F64, y: F64) -> NDArray[np.uint8]:
+def ground_colours(field: Any, x: F64, y: F64) -> U8:
     """Colours (..., 3) in sRGB of world points (...) [m]: crop, stubble, bare ground, straw."""
     left = field.left_height(x, y)
     colours = np.empty((*np.shape(x), 3), np.uint8)
@@ -31,7 +30,7 @@ def ground_colours(field: Any, x: F64, y: F64) -> NDArray[np.uint8]:
     return colours
 
 
-def top_view(world: World, machine: str, *, size_m: float = 30.0, pixels: int = 300) -> NDArray[np.uint8]:
+def top_view(world: World, machine: str, *, size_m: float = 30.0, pixels: int = 300) -> U8:
     """Picture in sRGB, (pixels, pixels, 3), north up: the machine in its middle is blue, others dark."""
     centre = world.bodies.pose_of(machine).position
     middle = (np.arange(pixels) + 0.5) / pixels - 0.5
@@ -178,7 +177,7 @@ def _thin(way: F64) -> F64:
     return np.concatenate([way[:-1][plots.evenly(way)], way[-1:]])
 
 
-def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
+def _layer(share: NDArray[Any], colour: str, alpha: float) -> U8:
     """An image of one colour that covers as much as the share [0, 1] says, (h, w, 4)."""
     from matplotlib.colors import to_rgb
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.files.whole_file import new_file
 from swath.core.number_text import num
@@ -24,7 +23,7 @@ from swath.judge.evaluators.lateral_error import PathSeries
 from swath.judge.evaluators.unloading import HeapRows, UnloadingSeries
 from swath.record.charts import Columns
 from swath.report.scan_sampler import KeptScan
-from swath.signals import F64
+from swath.signals import F64, Mask
 from swath.signals.setup import MachineGeometry
 
 BLUE, ORANGE, GREEN, SKY, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#CC79A7", "#6B6F76"
@@ -223,7 +222,7 @@ def _limits(ax: Any, values: F64, band: float | None) -> None:
     ax.set_ylim(-reach, reach)
 
 
-def _shade(ax: Any, at: F64, where: NDArray[np.bool_], colour: str, label: str, hatch: str) -> None:
+def _shade(ax: Any, at: F64, where: Mask, colour: str, label: str, hatch: str) -> None:
     """Shade the stretches of `at` on which `where` holds."""
     change = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
     shown = False

@@ -8,11 +8,11 @@ trusted more. Limits that count as good (heights of a ripe stand, two beams, thr
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swath.core.errors import InputError
+from swath.signals import F64
 
-F64 = NDArray[np.float64]
 GROUND_BELOW = 0.05  # returns lower than this above the ground count as ground [m]
 BIN = 0.02  # of histograms [m]
 

@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -23,6 +22,7 @@ from swath.core.units import rounded, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.logs.machine_log import MachineLog
 from swath.machine.machine_sheet import read_machine
+from swath.signals import F64, I64, Mask
 from swath.tools.compare_log.compare import (
     SHOWN,
     Drive,
@@ -35,8 +35,6 @@ from swath.tools.compare_log.compare import (
     usable,
 )
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 KEYS = ("engine.rated_power_kw", "engine.fuel_idle_g_s", "power.auxiliary_kw", "power.drum_kj_per_kg")
 ON = ("engine_load", "fuel")
 STEPS = 4  # of Gauss and Newton
@@ -138,7 +136,7 @@ def fit_engine(
     )
 
 
-def predictions(log: MachineLog, simulated: dict[str, Array]) -> tuple[Prediction, ...]:
+def predictions(log: MachineLog, simulated: dict[str, F64]) -> tuple[Prediction, ...]:
     """Predictions for every machine of the log, and for `all`. simulated: SI, shape (n,) each."""
     used = usable(log)
     masks = {f"machine {name}": used & (log.machine == k) for k, name in enumerate(log.machine_names)}
@@ -153,7 +151,7 @@ def predictions(log: MachineLog, simulated: dict[str, Array]) -> tuple[Predictio
     return tuple(made)
 
 
-def r2_range(log: MachineLog, mask: Mask, measured: Array, simulated: Array) -> tuple[float, float]:
+def r2_range(log: MachineLog, mask: Mask, measured: F64, simulated: F64) -> tuple[float, float]:
     """95 % interval of R2 over a bootstrap of the log's stretches: how much hangs on those driven."""
     _, index = stretches(log, mask)
     real, left = measured[mask] - measured[mask].mean(), (simulated - measured)[mask]
@@ -169,17 +167,17 @@ def r2_range(log: MachineLog, mask: Mask, measured: Array, simulated: Array) -> 
 class _Sums:
     """Normal equations by stretch: square (stretches, k, k), right (stretches, k), machine (stretches,)."""
 
-    square: Array
-    right: Array
-    machine: NDArray[np.int64]
-    at: Array
+    square: F64
+    right: F64
+    machine: I64
+    at: F64
 
-    def solve(self, rows: NDArray[np.int64] | Mask, start: Array) -> Array:
+    def solve(self, rows: I64 | Mask, start: F64) -> F64:
         """The ratios that fit the stretches `rows` (mask or indices) best."""
         step = np.linalg.solve(self.square[rows].sum(axis=0), self.right[rows].sum(axis=0))
         return np.asarray(np.maximum(self.at + step, LEAST * np.ones_like(start)))
 
-    def bootstrap(self, start: Array, count: int, stream: Stream) -> Array:
+    def bootstrap(self, start: F64, count: int, stream: Stream) -> F64:
         """Standard deviation of the ratios over machines, and stretches of each, drawn with replacement."""
         rng = stream.at()
         own = [np.flatnonzero(self.machine == k) for k in np.unique(self.machine)]
@@ -203,12 +201,12 @@ class _Model:
         known, self._stretch = stretches(log, self._used)
         self._machine = known[:, 0].astype(np.int64)
 
-    def run(self, ratio: Array) -> dict[str, Array]:
+    def run(self, ratio: F64) -> dict[str, F64]:
         """The simulated series, SI."""
         values = dict(zip(self._keys, (self.start * ratio).tolist(), strict=True))
         return self._runner.run(read_machine(self._sheet.changed(values)))
 
-    def linearise(self, ratio: Array) -> _Sums:
+    def linearise(self, ratio: F64) -> _Sums:
         """Normal equations about `ratio`."""
         here = self._scaled(self.run(ratio))
         columns = []
@@ -227,12 +225,12 @@ class _Model:
             np.add.at(right, self._stretch, rows * rest[:, None])
         return _Sums(square, right, self._machine, ratio)
 
-    def _scaled(self, series: dict[str, Array]) -> Array:
+    def _scaled(self, series: dict[str, F64]) -> F64:
         """Both series on the records that count, over their spread, shape (2, records)."""
         return np.stack([series[q][self._used] / self._spread[q] for q in ON])
 
 
-def _joined(made: Sequence[dict[str, Array]], log: MachineLog) -> dict[str, Array]:
+def _joined(made: Sequence[dict[str, F64]], log: MachineLog) -> dict[str, F64]:
     """Each machine's records out of the run that was not fitted to it."""
     index = np.arange(len(log))
     return {q: np.stack([of[q] for of in made])[log.machine, index] for q in ON}

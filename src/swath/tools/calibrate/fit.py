@@ -14,17 +14,15 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import Crop
 from swath.rays.spread import SHARE_MIN, SideSpread, Spread, SpreadTable, quantile_nodes
+from swath.signals import F64
 from swath.tools.calibrate.overhang import STEP
 from swath.tools.calibrate.stand_scans import LINE, VIEWS, EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import Agreement, compare
-
-F64 = NDArray[np.float64]
 
 HEIGHT = (0.3, 0.45, 0.6, 0.75, 0.9)  # relative heights at which beams begin in the crop
 TOP = 1.05  # from here on beams enter through the top

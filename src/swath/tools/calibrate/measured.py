@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -13,11 +12,11 @@ from swath.core.units import DEG
 from swath.documents.number_table import read_numbers
 from swath.field.crop import Crop
 from swath.rays.spread import SpreadTable
+from swath.signals import F64, I64
 from swath.tools.calibrate.fit import RELATIVE_MAX, Design, Designs, Fitting, HeldOut, Progress, compare_place
 from swath.tools.calibrate.stand_scans import EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 
-F64 = NDArray[np.float64]
 COLUMNS = ("stems_per_m2", "crop_height_m", "depression_deg", "spot_mm", "height_m")
 NODES_MOST = (8, 8, 8, 4)  # nodes of an axis at most; where more values occur they are gathered
 FEWEST = 50  # beams that make a cell
@@ -104,7 +103,7 @@ def _nodes(values: F64, most: int) -> F64:
     return np.unique([float(np.median(p)) for p in parts])
 
 
-def _nearest(values: F64, nodes: F64) -> NDArray[np.int64]:
+def _nearest(values: F64, nodes: F64) -> I64:
     """Index of the node that is nearest in the logarithm."""
     middle = 0.5 * (np.log(nodes[1:]) + np.log(nodes[:-1]))
     return np.searchsorted(middle, np.log(values)).astype(np.int64)

@@ -8,12 +8,11 @@ therefore told from the beam, along and across its heading, in proportion to the
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.field.memory_layout import Shape
 from swath.field.plants.parts import Plants
+from swath.signals import F64
 
-F64 = NDArray[np.float64]
 LEVELS, STEP = 25, 0.05  # of the relative height
 COUNT = 64  # places at a level, a power of two
 PIECES = 8  # of a primitive

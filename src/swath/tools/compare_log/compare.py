@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose
@@ -27,12 +26,9 @@ from swath.judge.evaluators.drivetrain import DIESEL
 from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
-from swath.signals import CropFlow, MachineLoad, MachineState
+from swath.signals import F64, I64, CropFlow, MachineLoad, MachineState, Mask
 from swath.tools.compare_log.no_field import site_of
 
-Array = NDArray[np.float64]
-
-Mask = NDArray[np.bool_]
 LEAST_SPEED = 0.5  # m/s
 SETTLE = 15.0  # s behind a gap, before the crop has come through
 LAGS = 15  # records to either side in which a lag is searched
@@ -72,7 +68,7 @@ def usable(log: MachineLog) -> Mask:
     return np.asarray(good)
 
 
-def compare_series(measured: Array, simulated: Array, mask: Mask, log: MachineLog) -> SeriesStatistics:
+def compare_series(measured: F64, simulated: F64, mask: Mask, log: MachineLog) -> SeriesStatistics:
     """Statistics of a series against the measured one on the records of a mask, shape (n,)."""
     real, made = measured[mask], simulated[mask]
     if len(real) < FEWEST:
@@ -91,7 +87,7 @@ def compare_series(measured: Array, simulated: Array, mask: Mask, log: MachineLo
 
 
 def statistics_of(
-    measured: Array, series: Mapping[str, Array], parts: Mapping[str, Mask], log: MachineLog
+    measured: F64, series: Mapping[str, F64], parts: Mapping[str, Mask], log: MachineLog
 ) -> dict[str, dict[str, SeriesStatistics]]:
     """Statistics by part and series."""
     return {
@@ -99,7 +95,7 @@ def statistics_of(
     }
 
 
-def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[float, float]:
+def best_lag(cause: F64, effect: F64, mask: Mask, log: MachineLog) -> tuple[float, float]:
     """(s, r): by how much `effect` is later than `cause` where they correlate best, and how well they do.
 
     Cross-correlation over whole records within unbroken stretches, the peak refined by a parabola.
@@ -123,10 +119,10 @@ def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[
 
 
 def regressions(
-    log: MachineLog, measured: Mapping[str, Array], mask: Mask
-) -> tuple[dict[str, dict[str, Array]], dict[str, dict[str, list[float]]]]:
+    log: MachineLog, measured: Mapping[str, F64], mask: Mask
+) -> tuple[dict[str, dict[str, F64]], dict[str, dict[str, list[float]]]]:
     """Series by quantity and name: regressions on flow and speed, fitted on the records of a mask."""
-    series: dict[str, dict[str, Array]] = {}
+    series: dict[str, dict[str, F64]] = {}
     coefficients: dict[str, dict[str, list[float]]] = {}
     for quantity, values in measured.items():
         lag, _ = best_lag(log.flow, values, mask, log)
@@ -140,19 +136,19 @@ def regressions(
     return series, coefficients
 
 
-def _correlation(a: Array, b: Array) -> float:
+def _correlation(a: F64, b: F64) -> float:
     if len(a) < FEWEST or a.std() < 1e-12 or b.std() < 1e-12:
         return float("nan")
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def _since_gap(log: MachineLog) -> Array:
+def _since_gap(log: MachineLog) -> F64:
     """Time since the last gap [s]."""
     run = np.cumsum(np.where(log.gap, 0.0, log.duration))
     return np.asarray(run - np.maximum.accumulate(np.where(log.gap, run, 0.0)))
 
 
-def _later(log: MachineLog, count: int) -> Array:
+def _later(log: MachineLog, count: int) -> F64:
     """The flow so many records before, that of the first record of a stretch where there is none."""
     index = np.arange(len(log))
     first = np.maximum.accumulate(np.where(log.gap, index, 0))
@@ -206,7 +202,7 @@ def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[Ma
 
 def run_engine(
     machine: MachineSheet, log: MachineLog, drive: Drive, loads: list[MachineLoad]
-) -> dict[str, Array]:
+) -> dict[str, F64]:
     """engine_load (share), engine_speed [rad/s], fuel [m3/s] along the log, shape (n,) each.
 
     loads: of `run_process`. Each machine of the log has its own header's width; process and engine start anew
@@ -303,9 +299,9 @@ class LogComparison:
     fitted: tuple[Fitted, ...]
     log: MachineLog
     parts: dict[str, Mask]
-    measured: dict[str, Array]
-    simulated: dict[str, Array]
-    plain: dict[str, dict[str, Array]]
+    measured: dict[str, F64]
+    simulated: dict[str, F64]
+    plain: dict[str, dict[str, F64]]
     coefficients: dict[str, dict[str, list[float]]]
     statistics: dict[str, dict[str, dict[str, SeriesStatistics]]]
     sheet: dict[str, Any]
@@ -418,7 +414,7 @@ class LogRunner:
         self._log, self._drive = log, drive
         self._loads: list[tuple[Any, list[MachineLoad]]] = []
 
-    def run(self, machine: MachineSheet) -> dict[str, Array]:
+    def run(self, machine: MachineSheet) -> dict[str, F64]:
         """The simulated series, SI."""
         drivetrain = drivetrain_of(machine)
         key = (drivetrain.transport, drivetrain.threshing, drivetrain.cleaning)
@@ -451,7 +447,7 @@ def _fit(
     runner = LogRunner(part, drive)
     spread = {q: float(np.nanstd(part.measured[q][inside])) or 1.0 for q in on}
 
-    def residuals(ratio: Array) -> Array:
+    def residuals(ratio: F64) -> F64:
         try:
             machine = read_machine(sheet.changed(dict(zip(keys, start * ratio, strict=True))))
         except InputError:  # beyond what a data sheet may say
@@ -475,14 +471,14 @@ def _fit(
     )
 
 
-def stretches(log: MachineLog, mask: Mask | NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+def stretches(log: MachineLog, mask: Mask | I64) -> tuple[F64, I64]:
     """Machine and number of each stretch, (k, 2), and which one some records belong to, (n,)."""
     at = np.stack([log.machine[mask], np.floor(log.time[mask] / STRETCH)], axis=1)
     known, index = np.unique(at, axis=0, return_inverse=True)
     return known, index.ravel()
 
 
-def starts_of(sheet: Sheet, keys: Sequence[str]) -> Array:
+def starts_of(sheet: Sheet, keys: Sequence[str]) -> F64:
     """The numbers of a sheet that a fit starts from. InputError for one that is not above 0."""
     start = np.array([sheet.number(key) for key in keys])
     if not (start > 0.0).all():
@@ -490,13 +486,13 @@ def starts_of(sheet: Sheet, keys: Sequence[str]) -> Array:
     return start
 
 
-def _put(ratio: Array, where: Mask, values: Array) -> Array:
+def _put(ratio: F64, where: Mask, values: F64) -> F64:
     made = ratio.copy()
     made[where] = values
     return made
 
 
-def _standard_errors(jacobian: Array, residual: Array, stretch: NDArray[np.int64]) -> Array:
+def _standard_errors(jacobian: F64, residual: F64, stretch: I64) -> F64:
     """Standard errors by how far stretches of the log, each alike in itself, differ; nan of one stretch."""
     pull = np.stack([np.bincount(stretch, column * residual) for column in jacobian.T])
     inverse, count = np.linalg.pinv(jacobian.T @ jacobian), pull.shape[1]

@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import swath
 from swath.core.errors import InputError, SwathError
@@ -39,7 +38,7 @@ from swath.runtime.workers import Lost, in_workers
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.sensing.camera.pinhole import OPTICAL
-from swath.signals import OBSTACLE_KINDS, Image
+from swath.signals import F64, OBSTACLE_KINDS, Image
 from swath.signals.image import ImageBoxes
 from swath.tools.dataset.coco import CATEGORIES, NAMES, annotations_of, category_map, is_annotation, mask_of
 from swath.tools.scan.scan import first_of_kind
@@ -331,7 +330,7 @@ def write_overview(out: Path) -> Path:
     return file
 
 
-def _draw(axes: Any, picture: NDArray[np.float64], annotations: list[dict[str, Any]]) -> None:
+def _draw(axes: Any, picture: F64, annotations: list[dict[str, Any]]) -> None:
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Rectangle
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.output_folder import held
@@ -32,7 +31,7 @@ from swath.runtime.loop import drive
 from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import kind_of
-from swath.signals import F64, Image, Scan, ScanTruth, Signal
+from swath.signals import F32, F64, U8, Image, Scan, ScanTruth, Signal
 from swath.signals.setup import MachineGeometry
 from swath.tools.scan.point_cloud import make_cloud, need_las, write_las, write_ply
 from swath.tools.scan.stand3d import COLOURS, GROUND, stand_figure
@@ -197,7 +196,7 @@ def write_picture(folder: Path, image: Image) -> list[Path]:
     return [picture, arrays]
 
 
-def _depth_colours(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _depth_colours(depth: F32) -> U8:
     """Colours by the logarithm of the depth, from nearest to furthest in the picture; white = nothing."""
     import matplotlib
 
@@ -210,7 +209,7 @@ def _depth_colours(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.where(seen[..., None], shown, 255).astype(np.uint8)
 
 
-def _label_colours(label: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _label_colours(label: U8) -> U8:
     """In the colours of the other pictures of the stand."""
     from matplotlib.colors import to_rgb
 

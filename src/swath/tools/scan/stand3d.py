@@ -9,7 +9,6 @@ from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.frames import Pose
 from swath.field.memory_layout import (
@@ -26,7 +25,7 @@ from swath.field.memory_layout import (
 from swath.record.message_factory import RecordedMachine
 from swath.report.plots import BLUE, INK, ORANGE, figure
 from swath.report.scan_sampler import KeptScan
-from swath.signals import F64
+from swath.signals import F64, I64, U8, Mask
 
 COLOURS = {
     Organ.STEM: "#D9C37C",
@@ -88,10 +87,10 @@ class Organs:
     b: F64
     half: F64
     radius: F64
-    organ: NDArray[np.uint8]
+    organ: U8
     tip: F64
 
-    def take(self, which: NDArray[np.bool_]) -> "Organs":
+    def take(self, which: Mask) -> "Organs":
         """Some of them."""
         return Organs(*(getattr(self, f.name)[which] for f in fields(self)))
 
@@ -125,9 +124,7 @@ def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
     return Organs(turn.apply(a), turn.apply(b), turn.turn(half), radius, organ, tip)
 
 
-def _tile(
-    field: Stand, ix: int, iy: int, first: NDArray[np.int64], centre: F64, reach: float
-) -> tuple[Any, ...] | None:
+def _tile(field: Stand, ix: int, iy: int, first: I64, centre: F64, reach: float) -> tuple[Any, ...] | None:
     """Pieces of one tile in the stand frame, cut where they are cut."""
     pages, library = field.pages, field.library
     page = (iy // PAGE_TILES - pages.table_y, ix // PAGE_TILES - pages.table_x)
@@ -261,7 +258,7 @@ class _Box:
     def world(self, u: float, v: float, height: float) -> F64:
         return np.asarray(self.pose.apply([self.x + u, self.y + self.side * v, height]))
 
-    def holds(self, points: F64) -> NDArray[np.bool_]:
+    def holds(self, points: F64) -> Mask:
         local = self.pose.inverse().apply(points)
         u, v = local[..., 0] - self.x, self.side * (local[..., 1] - self.y)
         return np.asarray((u > -BACK) & (u < AHEAD) & (np.abs(v) < ASIDE))
@@ -308,7 +305,7 @@ def _areas(quads: F64, colours: F64) -> Any:
     return made
 
 
-def _shaded(organ: NDArray[np.uint8], height: F64, depth: F64) -> F64:
+def _shaded(organ: U8, height: F64, depth: F64) -> F64:
     """Organ colours, darker deep in the stand and paler far away."""
     from matplotlib.colors import to_rgb
 
@@ -382,7 +379,7 @@ def _draw_echoes(ax: Any, scan: KeptScan, machine: RecordedMachine, box: _Box, c
     ax.plot(*rays[:, 1].T, "o", color=BLUE, ms=4.2, mec="white", mew=0.6, zorder=5)
 
 
-def _legend(ax: Any, organs: NDArray[np.uint8]) -> None:
+def _legend(ax: Any, organs: U8) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

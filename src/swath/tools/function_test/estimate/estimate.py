@@ -20,13 +20,12 @@ from swath.core.errors import Extra, InputError, SwathError
 from swath.core.number_text import num, percent_of
 from swath.core.random import Stream
 from swath.runtime.workers import workers_kept
-from swath.signals import F64
+from swath.signals import F64, Mask
 from swath.tools.function_test.case import Case, Point, Scalar, Varied, one_case
 from swath.tools.function_test.estimate.rare import (
     DEFENSIVE,
     ESS_LEAST,
     OVERLOOKED_MOST,
-    Flags,
     Hunt,
     Rate,
     log_exposure,
@@ -144,7 +143,7 @@ class Estimated:
     rounds: Sequence[Round]
     last: Round
     weights: F64
-    overlooked: Flags
+    overlooked: Mask
     cheap_margins: F64 | None
 
     @property
