@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from swath.core import foreign_code
 from swath.core.errors import InputError
 from swath.core.process.shell import command
 from swath.core.random import Stream
@@ -28,8 +29,8 @@ from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
 from swath.scenario.slots import CATALOGUE as SLOTS
 from swath.scenario.versions import READ_BY
-from swath.tools.function_test.files import from_beside
 
+SUFFIXES = (".py", ".yaml", ".fmu", ".csv", ".npz")  # of files that a case or a candidate names
 FORMAT = "swath test case 1"
 MOST_RUNS = 1_000_000
 CATALOGUE = Path(str(files("swath.data") / "tests"))
@@ -340,3 +341,16 @@ def _paths(source: str) -> list[Path]:
     raise InputError(
         "cases", source, f"expected a file, a folder or one of {', '.join(names)}{near_miss(source, names)}"
     )
+
+
+def from_beside(value: object, folder: Path) -> object:
+    """A value of a scenario key, files in a folder (`mine.py:Detector`) as absolute paths."""
+    if isinstance(value, dict):
+        return {key: from_beside(inner, folder) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [from_beside(inner, folder) for inner in value]
+    if isinstance(value, str):
+        file, colon, name = value.partition(":")
+        if file.endswith(SUFFIXES) and os.path.isfile(foreign_code.source_of(folder / file)):
+            return f"{(folder / file).resolve()}{colon}{name}"
+    return value

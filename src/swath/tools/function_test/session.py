@@ -26,7 +26,6 @@ from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
-from swath.tools.function_test.in_step import in_chunks, is_number
 from swath.tools.function_test.journal import (
     CHANGED,
     PLAN,
@@ -43,7 +42,7 @@ from swath.tools.function_test.judging.first_batch import FIRST, telling_nothing
 from swath.tools.function_test.judging.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun, looked_at, plan_of
-from swath.tools.function_test.pool import Done, run_all
+from swath.tools.function_test.pool import Done, in_chunks, is_number, run_all
 from swath.tools.function_test.stored_line import Result
 
 JOURNALS, RUNS, EARLIER, PARTS = "journal", "runs.parquet", "earlier", "parts"
