@@ -70,7 +70,7 @@ def stood_in(odd: Odd, runs: int, seed: int, *, planted: bool) -> Coverage:
     coverage = Coverage(odd)
     while len(coverage.runs) < runs:
         done = len(coverage.runs)
-        for point in design.next(coverage.planned, done, min(ROUND, runs - done)):
+        for point in design.next(coverage.counted, done, min(ROUND, runs - done)):
             number = 1000 * seed + len(coverage.runs)
             coverage.add(driven_of(odd, closed_form(point, number, planted=planted)))
     return coverage

@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError, SwathError
     from swath.core.process.shell import command
     from swath.judge.summary import read_summary
-    from swath.runtime.folder import choose_run_folder, remove_empty
+    from swath.runtime.folder import folder_for, remove_empty
 
     if args.paused and not (args.ros2 or args.view):
         raise InputError(
@@ -94,9 +94,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.runtime.changes import read_events
 
     events = read_events(args.events) if args.events is not None else []
-    out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, summary=scenario.summary, events=events, replace=args.replace
-    )
+    out = folder_for(scenario, args.out, events=events, replace=args.replace)
     from swath.runtime.job import run_job
     from swath.runtime.saves import EVERY_S, Saves, SavesField
     from swath.scenario.scenario import code_of

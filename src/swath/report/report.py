@@ -321,7 +321,7 @@ class ReportWriter(RunHook):
             detection = run.evaluation.find(name, EdgeDetection)
             assert detection is not None
             state = partial(run.world.graph.latest, f"{name}.motion", "state")
-            scans = ScanSampler(machine, partial(_true_offset, detection), state)
+            scans = ScanSampler(machine, partial(getattr, detection, "true_offset"), state)
             kept = self._watched[name] = Watched(scans, PictureSampler(machine, state), FlowSampler(machine))
             run.observers.insert(run.observers.index(run.recorder), kept.scans)
             run.observers.append(kept.flow)
@@ -343,10 +343,6 @@ def _of_killed(played: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
     what = f"the run was killed: this is what its recording holds, {num(played['simulated_s'])} s"
     own = {"summary": scenario.summary, "incomplete": True, "digest": "", "notes": [what, *played["notes"]]}
     return {**played, **own}
-
-
-def _true_offset(detection: EdgeDetection) -> float:
-    return detection.true_offset
 
 
 def write_report(run_dir: Path, data: ReportData) -> Path:

@@ -30,16 +30,13 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`."""
     from swath.core.errors import InputError
-    from swath.runtime.folder import choose_run_folder, remove_empty
+    from swath.runtime.folder import folder_for, remove_empty
     from swath.terminal.outcome import print_outcome
     from swath.tools.branch.branch import pairs, plan_branch
 
     plan = plan_branch(args.folder, args.at_s, pairs(args.sets), args.allow)
     scenario = plan.scenario
-    out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, what="branch", summary=scenario.summary, events=plan.events,
-        replace=args.replace,
-    )  # fmt: skip
+    out = folder_for(scenario, args.out, what="branch", events=plan.events, replace=args.replace)
     if plan.has_unreadable:
         print("swath: saves of another version of swath, or damaged ones, are not read", file=sys.stderr)
     if not args.quiet:

@@ -23,7 +23,7 @@ from swath.core.units import RPM, rounded, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.logs.machine_log import MachineLog, read_machine_log
 from swath.judge.evaluators.drivetrain import DIESEL
-from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
 from swath.signals import F64, I64, CropFlow, MachineLoad, MachineState, Mask
@@ -224,14 +224,10 @@ def run_engine(
         rows[i] = e.load, e.speed, e.power, e.fuel
     share, turning, power, fuel = rows.T
     if drive.load_over == "largest":
-        share = power / turning / _largest_torque(drivetrain)
+        of = drivetrain.engine
+        share = power / turning / ((1.0 + of.torque_rise) * of.rated_power / of.rated_speed)
     share = drive.friction + (1.0 - drive.friction) * share
     return {"engine_load": share, "engine_speed": turning, "fuel": fuel / (1e3 * DIESEL)}
-
-
-def _largest_torque(drivetrain: Drivetrain) -> float:
-    e = drivetrain.engine
-    return (1.0 + e.torque_rise) * e.rated_power / e.rated_speed
 
 
 def _width(log: MachineLog, machine: int, default: float) -> float:

@@ -175,6 +175,12 @@ class Session:
             else:
                 run_all(self.left(first), self.journals, workers, _unchanged(done))
 
+    def made(self, workers: int, done: Done, client: Any = None) -> list[Result]:
+        """Write the plan, do what is left of it, and give its results."""
+        self.write()
+        self.do(workers, done, client)
+        return self.results()
+
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process. InputError as `do`."""
         journal, fields = Journal(self.journals, f"share-{share}-of-{of}"), KeptFields()

@@ -26,17 +26,13 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`; 0 too where slots differ from the recording."""
-    from swath.runtime.folder import choose_run_folder
+    from swath.runtime.folder import folder_for
     from swath.terminal.outcome import print_outcome
     from swath.tools.rerun.rerun import plan_rerun
 
     slots = None if args.slots is None else [s.strip() for s in args.slots.split(",") if s.strip()]
     rerun = plan_rerun(args.source, slots=slots, sets=args.sets, seed=args.seed)
-    scenario = rerun.scenario
-    out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, what="rerun", summary=scenario.summary, events=rerun.events,
-        replace=args.replace,
-    )  # fmt: skip
+    out = folder_for(rerun.scenario, args.out, what="rerun", events=rerun.events, replace=args.replace)
     result = rerun.run(out, progress=not args.quiet)
     if args.quiet:
         print(out)

@@ -193,10 +193,7 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
     nothing: dict[str, str] = {}
 
     def do(part: str, cases: Cases, candidates: Mapping[str, Any]) -> list[Result]:
-        session = _session(folder / part, tune, cases, candidates)
-        session.write()
-        session.do(workers, done, client)
-        return session.results()
+        return _session(folder / part, tune, cases, candidates).made(workers, done, client)
 
     def of_slots(first: list[Result], new: Mapping[str, list[str]]) -> dict[str, Any]:
         """What is tuned, with the candidates that change nothing else; several slots are run alone for it."""

@@ -355,10 +355,9 @@ def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client
     def do(session: Session) -> None:
         if not session.first:
             session.plan.check()
-        session.write()
-        session.do(workers, done, client)
+        results = session.made(workers, done, client)
         if not seen:
-            name_first({}, margin_telling_nothing(session.results(), asked.limit))
+            name_first({}, margin_telling_nothing(results, asked.limit))
         seen.append(session)
 
     return _gone_through(folder, asked, case, do)

@@ -143,8 +143,7 @@ class Planned:
         return "" if self.doubts_nothing else num(100 * share)
 
 
-def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client: Any = None,
-               known: Sequence[Point] = ()) -> Planned:  # fmt: skip
+def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client: Any = None) -> Planned:
     """Compare levels at conditions drawn by their exposure, and choose passes.
 
     Parameters
@@ -153,7 +152,6 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
     asked : what is asked.
     workers, client : processes here, or of dask.
     done : gets each new result.
-    known : conditions at which passes were driven already.
     """
     found, case = _source(asked.source)
     if not case.file.vary:
@@ -184,7 +182,7 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
         of = f"{len(broken)} of {len(conditions)} pairs: its margin is that of both"
         name_first(nothing, {of: f"both levels break {', '.join(sorted(set(broken)))} in {of}"})
     scale = spread(case, conditions)
-    passes = choose(case, conditions, scale, asked.runs, known)
+    passes = choose(case, conditions, scale, asked.runs)
     return Planned(folder, asked, case, other, conditions, passes, _usual(conditions), nothing)
 
 

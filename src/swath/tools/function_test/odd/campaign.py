@@ -133,15 +133,13 @@ def conduct(
     points, results, coverage = list[Point](), list[Result](), Coverage(odd)
     while len(points) < campaign.budgets[-1]:
         count = min(ROUND, campaign.budgets[-1] - len(points))
-        new = design.next(coverage.planned, len(points), count)
+        new = design.next(coverage.counted, len(points), count)
         part = _session(folder, campaign, new, len(points))
         if not points:
             with own_code(folder):
                 part.plan.check()
         points += new
-        part.write()
-        part.do(workers, done, client)
-        for result in part.results():
+        for result in part.made(workers, done, client):
             results.append(result)
             coverage.add(driven_of(odd, result))
         if len(points) == count:

@@ -164,19 +164,10 @@ class Coverage:
         found: I64 = (self._first + run.main)[run.main >= 0]
         return found
 
-    def is_in(self, run: Driven, places: Iterable[int]) -> bool:
-        """Whether a run counts for the verdict of some buckets together."""
-        return set(places) <= set(self.main(run).tolist())
-
     @property
     def driven(self) -> Mask:
         """Cells that a run drove HIT_M or more, or for whose verdict one counts."""
         return (self.hits > 0) | (self.counted > 0)
-
-    @property
-    def planned(self) -> F64:
-        """Runs in each pair of buckets, for the design: those that count for its verdict."""
-        return self.counted.astype(float)
 
     @property
     def pair_share(self) -> tuple[int, int]:

@@ -178,9 +178,7 @@ def run_search(
         points += [_point(case, row) for row in more]
         chosen = tuple((seeds[i % len(seeds)], point) for i, point in enumerate(points))
         session = Session(folder, Plan(search.case, sets=search.sets, level=search.level, points=chosen))
-        session.write()
-        session.do(workers, done, client)
-        found = replace(found, results=session.results())
+        found = replace(found, results=session.made(workers, done, client))
         if len(points) == len(more):
             name_first({}, found.telling_nothing)
     return found
