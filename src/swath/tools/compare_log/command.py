@@ -5,8 +5,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import InputError, check_within
 from swath.core.number_text import num
 from swath.terminal.options import add_folder, made_of, option, verb
+from swath.terminal.tables import table
 from swath.tools.compare_scans import command as scans
 
 PLACE = "measured", 3  # among all commands
@@ -67,7 +69,6 @@ def add(parsers: Any) -> None:
 
 def run_log(args: argparse.Namespace) -> int:
     """Compare what the log holds: process and engine, or the steering."""
-    from swath.core.errors import check_within
     from swath.field_io.logs.columns import map_to_fill
     from swath.field_io.logs.steer_log import is_steer_log
 
@@ -82,8 +83,6 @@ def _run_process(args: argparse.Namespace) -> int:
     """Compare process and engine, print, write."""
     from rich.console import Console
 
-    from swath.core.errors import InputError
-    from swath.terminal.tables import table
     from swath.tools.compare_log.compare import Drive, compare_log
     from swath.tools.compare_log.page import statistic_rows, write_comparison
 
@@ -109,7 +108,6 @@ def _tell(made: Any, notes: Sequence[str], out: Path | None, write: Callable[[An
     from rich.console import Console
 
     from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
-    from swath.terminal.tables import table
 
     table("columns", COLUMN_HEAD, column_rows(made.log.column_map.summary()))
     console = Console(highlight=False)
@@ -128,8 +126,6 @@ def _run_steering(args: argparse.Namespace) -> int:
     """Fit steering and motion, print, write."""
     from rich.console import Console
 
-    from swath.core.errors import InputError
-    from swath.terminal.tables import table
     from swath.tools.compare_log.steering_fit import compare_steering
     from swath.tools.compare_log.steering_page import FITTED, fitted_rows, left_rows, write_steering
 

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import InputError, check_within
 from swath.terminal.options import add_folder, option, verb
 
 DESCRIPTION = """
@@ -79,7 +80,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _reading(args: argparse.Namespace, which: str) -> Any:
-    from swath.core.errors import InputError, check_within
     from swath.tools.compare_scans.clouds import Reading
     from swath.tools.height_map.command import wanted_of
 
@@ -90,7 +90,6 @@ def _reading(args: argparse.Namespace, which: str) -> Any:
 
 
 def _white(text: str | None) -> tuple[float, float] | None:
-    from swath.core.errors import InputError
     from swath.core.typed_numbers import numbers_in
 
     if text is None:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import check_within
 from swath.field_io import command as field
 from swath.terminal.options import add_sets, load, made_of, option, verb
 
@@ -31,7 +32,6 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Say what comes and how large it is, then write it."""
-    from swath.core.errors import check_within
     from swath.runtime.assembly import assemble
     from swath.runtime.loop import drive
     from swath.tools.field_export.export import Wanted, export
@@ -56,7 +56,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _place(text: str | None) -> tuple[float, float] | None:
     """Two numbers from the command line."""
-    from swath.core.errors import check_within
     from swath.core.typed_numbers import numbers_in
 
     if text is None:

@@ -8,13 +8,14 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, shortened
 from swath.core.foreign_code import code_unread
 from swath.core.number_text import num
 from swath.core.process.shell import command
 from swath.core.units import digits_in
 from swath.terminal.options import add_folder, add_sets, made_of, option, verb
-from swath.terminal.tables import add_json
+from swath.terminal.outcome import exit_code
+from swath.terminal.tables import add_json, as_json, say, table
 from swath.tools.function_test import cheaper_command
 from swath.tools.function_test.estimate import command as estimate_command
 from swath.tools.function_test.field_plan import command as field_plan
@@ -83,7 +84,6 @@ def add(parsers: Any) -> None:
 
 
 def _list(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import as_json, say, table
     from swath.tools.function_test.case import find_cases
 
     cases = find_cases(args.cases)
@@ -166,8 +166,6 @@ def _run_odd(args: argparse.Namespace) -> int:
 
 def _finish_odd(found: Any) -> int:
     """Dossier, and what it says on the screen; returns the exit code."""
-    from swath.terminal.outcome import exit_code
-    from swath.terminal.tables import table
     from swath.tools.function_test.odd.dossier import summary_of, write_dossier
 
     page, said = write_dossier(found), summary_of(found)
@@ -225,7 +223,6 @@ def _report(args: argparse.Namespace) -> int:
 
 
 def _compare(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import table
     from swath.tools.function_test.compare import BETTER, SAME_BYTES, SAME_VERDICT, VERDICTS, WORSE, compare
     from swath.tools.function_test.judging.first_batch import name_first
 
@@ -301,7 +298,6 @@ def _again(args: argparse.Namespace) -> int:
 
 def _told_of(folder: Path, run: Any, base: str) -> str:
     """The summary of a run made again: the scenario's own holds for it only where nothing is varied."""
-    from swath.core.errors import shortened
     from swath.documents.yaml_document import read_document
     from swath.scenario.sections import LONGEST_SUMMARY
     from swath.tools.function_test.odd.campaign import ODD_FILE
@@ -317,8 +313,6 @@ def _told_of(folder: Path, run: Any, base: str) -> str:
 
 def finish(folder: Path, session: Any, *, again: bool) -> int:
     """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
-    from swath.terminal.outcome import exit_code
-    from swath.terminal.tables import table
     from swath.tools.function_test.judging.ranking import HEAD, ranking
     from swath.tools.function_test.judging.verdict import NOT_JUDGED, VERDICTS
     from swath.tools.function_test.junit import write_junit

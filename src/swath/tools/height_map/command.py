@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import InputError
 from swath.core.number_text import num
 from swath.terminal.options import made_of, option, verb
 
@@ -47,7 +48,6 @@ def add(parsers: Any) -> None:
 
 def run_build(args: argparse.Namespace) -> int:
     """Make the file and its picture, say what is in it."""
-    from swath.core.errors import InputError
     from swath.terminal.progress import progress_bar
     from swath.tools.height_map.build import Settings, build_height_map, open_source
     from swath.tools.height_map.picture import draw_height_map
@@ -97,7 +97,6 @@ def _numbers(key: str, text: str | None, units: tuple[str, ...], form: str) -> A
 
 def _local_of(folder: Path | None, origin: str | None) -> Any:
     """What makes local metres of longitude, latitude, height; None where neither is given."""
-    from swath.core.errors import InputError
     from swath.core.typed_numbers import numbers_in
     from swath.record.read.fixes import TangentPlane, field_plane
 

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from swath.terminal.options import option, verb
-from swath.terminal.tables import add_json
+from swath.terminal.tables import add_json, as_json, table
 
 PLACE = "many", 2  # among all commands
 
@@ -19,7 +19,6 @@ def add(parsers: Any) -> None:
 
 
 def _check(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import as_json, table
     from swath.tools.function_test.odd.binding import find_odd
     from swath.tools.function_test.odd.check import NOT_SIMULATED, UNBOUND, WRONG, check_file, table_of
 
