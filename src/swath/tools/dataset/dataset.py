@@ -24,7 +24,7 @@ import numpy as np
 import swath
 from swath.core.errors import InputError, SwathError
 from swath.core.files.place import own_folder
-from swath.core.files.whole_file import new_file, write_whole
+from swath.core.files.whole_file import write_whole
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import DEG
@@ -306,15 +306,14 @@ SHOWN, ACROSS = 12, 3
 
 def write_overview(out: Path) -> Path:
     """Draw overview.png: the first pictures, each beside itself with its masks."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.image import imread
+
+    from swath.report import plots
 
     whole = json.loads(read_bytes(out / "annotations.json", "file", "annotations", LARGEST_BYTES))
     images = whole["images"][:SHOWN]
     down = -(-len(images) // ACROSS)
-    figure = Figure(figsize=(6.6 * ACROSS, 2.5 * down), dpi=80, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = plots.figure(6.6 * ACROSS, 2.5 * down)
     axes = np.atleast_1d(figure.subplots(down, 2 * ACROSS)).ravel()
     for each in axes:
         each.axis("off")
@@ -324,10 +323,7 @@ def write_overview(out: Path) -> Path:
         axes[2 * k].imshow(picture.astype(np.uint8))
         axes[2 * k].set_title(image["file_name"], fontsize=7, loc="left", pad=2)
         _draw(axes[2 * k + 1], picture, own)
-    file = out / "overview.png"
-    with new_file(file) as stream:
-        figure.savefig(stream, format="png", metadata={"Software": None})
-    return file
+    return plots.write_picture(out / "overview.png", figure, 80)
 
 
 def _draw(axes: Any, picture: F64, annotations: list[dict[str, Any]]) -> None:
