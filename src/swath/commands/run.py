@@ -19,6 +19,7 @@ from swath.terminal.options import (
     option,
     verb,
 )
+from swath.terminal.outcome import tell
 
 PLACE = "start", 0  # among all commands
 
@@ -129,13 +130,7 @@ def run(args: argparse.Namespace) -> int:
         has_samples = os.path.isfile(file) and read_summary(file).get("simulated_s", 0.0) > 0.0
         kept = f"; what was recorded is in {out}, to look at: {command('report', out)}" if has_samples else ""
         raise type(error)(f"stopped{kept or ' before its first step' * os.path.isfile(file)}") from None
-    if args.quiet:
-        print(out)
-    else:
-        from swath.terminal.outcome import print_outcome
-
-        print_outcome(result.summary, out, scenario.evaluators)
-    return int(result.exit_code)
+    return tell(result, out, quiet=args.quiet, evaluators=scenario.evaluators)
 
 
 def _changed_on_the_way(source: str) -> Path | None:

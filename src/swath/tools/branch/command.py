@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`."""
     from swath.core.errors import InputError
     from swath.runtime.folder import folder_for, remove_empty
-    from swath.terminal.outcome import print_outcome
+    from swath.terminal.outcome import tell
     from swath.tools.branch.branch import pairs, plan_branch
 
     plan = plan_branch(args.folder, args.at_s, pairs(args.sets), args.allow)
@@ -50,11 +50,7 @@ def run(args: argparse.Namespace) -> int:
     except InputError as error:
         remove_empty(out)
         raise scenario.locate(error) from error
-    if args.quiet:
-        print(out)
-    else:
-        print_outcome(result.summary, out, scenario.evaluators)
-    return int(result.exit_code)
+    return tell(result, out, quiet=args.quiet, evaluators=scenario.evaluators)
 
 
 _DESCRIPTION = """Run a finished run again from one of its moments on, with something changed there, into a

@@ -7,11 +7,11 @@ statistics. The formulas here are our own.
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, astuple, dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from math import sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from swath import __version__
 from swath.core.errors import SwathError
@@ -27,8 +27,7 @@ Z = 1.96  # of an interval of 95 %
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True)
-class Cell:
+class Cell(NamedTuple):
     """A place. detected: share of the looks at a person there; false: of those at nobody; looks: how many."""
 
     inside: float
@@ -112,9 +111,8 @@ def _keep(path: Path, settings: Settings, found: list[Found]) -> None:
     """What is done, a line of JSON each, after a line with the settings."""
     lines = [json.dumps(_settings_of(settings))]
     for made in found:
-        cells = {name: [astuple(c) for c in cells] for name, cells in made.cells.items()}
-        asked = [[*key, astuple(cell)] for key, cell in made.asked.items()]
-        lines.append(json.dumps({"cells": cells, "asked": asked}))
+        asked = [[*key, cell] for key, cell in made.asked.items()]
+        lines.append(json.dumps({"cells": made.cells, "asked": asked}))
     write_whole(path, "\n".join(lines) + "\n")
 
 

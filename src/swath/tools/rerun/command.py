@@ -27,19 +27,17 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`; 0 too where slots differ from the recording."""
     from swath.runtime.folder import folder_for
-    from swath.terminal.outcome import print_outcome
+    from swath.terminal.outcome import tell
     from swath.tools.rerun.rerun import plan_rerun
 
     slots = None if args.slots is None else [s.strip() for s in args.slots.split(",") if s.strip()]
     rerun = plan_rerun(args.source, slots=slots, sets=args.sets, seed=args.seed)
     out = folder_for(rerun.scenario, args.out, what="rerun", events=rerun.events, replace=args.replace)
     result = rerun.run(out, progress=not args.quiet)
-    if args.quiet:
-        print(out)
-        return int(result.exit_code)
-    print_outcome(result.summary, out)
-    _print_comparison(result.summary["rerun"])
-    return int(result.exit_code)
+    code = tell(result, out, quiet=args.quiet)
+    if not args.quiet:
+        _print_comparison(result.summary["rerun"])
+    return code
 
 
 def _print_comparison(rerun: dict[str, Any]) -> None:

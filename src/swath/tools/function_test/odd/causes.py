@@ -21,7 +21,7 @@ import numpy as np
 from swath.core.number_text import num
 from swath.signals import F64, I64, Mask
 from swath.tools.function_test.case import Claim
-from swath.tools.function_test.judging.verdict import BROKEN, SHOWN, needed
+from swath.tools.function_test.judging.verdict import BROKEN, SHOWN, needed, scipy_stats
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.cells import NEVER, OddCell, Span, p_broken
 from swath.tools.function_test.odd.coverage import Coverage, Driven
@@ -226,10 +226,8 @@ def _ranges(odd: Odd) -> Iterator[Span]:
 def _contrast(counted: I64, failed: I64, runs: int,
               failures: int) -> F64:  # fmt: skip
     """Chance of so many failures or more in cells, where all runs fail alike."""
-    from scipy.stats import hypergeom
-
     kinds, which = np.unique(np.stack([counted, failed], axis=-1), axis=0, return_inverse=True)
-    chances = hypergeom.sf(kinds[:, 1] - 1, runs, failures, kinds[:, 0])  # slow: each kind once
+    chances = scipy_stats().hypergeom.sf(kinds[:, 1] - 1, runs, failures, kinds[:, 0])  # slow: each kind once
     return np.asarray(chances[which.ravel()], dtype=np.float64)
 
 
