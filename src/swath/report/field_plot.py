@@ -48,14 +48,12 @@ def _under(solids: Solids, x: F64, y: F64) -> Mask:
     points = np.stack([x, y], axis=-1)
     reach = [np.abs(mesh.corners.reshape(-1, 3)).max(axis=0) for mesh in solids.mesh_shape]
     boxes = (
-        *zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True),
+        *solids.boxes,
         *zip(solids.mesh_centre, solids.mesh_axes, reach, strict=True),
     )
     for centre, axes, half in boxes:
         found |= (np.abs((points - centre[:2]) @ axes[:2, :2]) <= half[:2]).all(axis=-1)
-    for centre, axes, half in zip(
-        solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
-    ):
+    for centre, axes, half in solids.ellipsoids:
         found |= (((points - centre[:2]) @ axes[:2, :2] / half[:2]) ** 2).sum(axis=-1) <= 1.0
     for a, b, radius in zip(solids.capsule_a, solids.capsule_b, solids.capsule_radius, strict=True):
         along = b[:2] - a[:2]

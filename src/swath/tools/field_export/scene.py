@@ -204,11 +204,9 @@ def body_corners(solids: Solids) -> F64:
 
 
 def _body_parts(solids: Solids) -> Iterator[F64]:
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    for centre, axes, half in solids.boxes:
         yield triangles.box(2.0 * half) @ axes.T + centre
-    for centre, axes, half in zip(
-        solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
-    ):
+    for centre, axes, half in solids.ellipsoids:
         yield (triangles.sphere(1.0) * half) @ axes.T + centre
     for a, b, radius, pose in capsules_of(solids):
         length = float(np.linalg.norm(b - a))

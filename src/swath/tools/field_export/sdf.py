@@ -168,11 +168,9 @@ def _body(world: Element, body: Sighted, scene: FieldScene, whole: World, files:
 
 def _shapes(solids: Solids) -> Iterator[tuple[Pose, Element, F64 | None]]:
     """Frame in the world and geometry of every part; of a mesh its triangles in that frame instead."""
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    for centre, axes, half in solids.boxes:
         yield Pose(centre, axes), _geometry("box", size=_numbers(2.0 * half)), None
-    for centre, axes, half in zip(
-        solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
-    ):
+    for centre, axes, half in solids.ellipsoids:
         yield Pose(centre, axes), _geometry("ellipsoid", radii=_numbers(half)), None
     for a, b, radius, pose in capsules_of(solids):
         length = float(np.linalg.norm(b - a))
