@@ -33,7 +33,7 @@ from swath.tools.function_test.odd.cells import judged, needed_each
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.odd.dossier import write_dossier
-from swath.tools.function_test.one_run import do_run
+from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import PlannedRun
 
 SLOPE, DENSITY = "terrain.side_slope", "process.density"
@@ -80,7 +80,7 @@ def driven(run: PlannedRun, fields: KeptFields, *, planted: bool) -> dict[str, A
     """A run, with the fault where it belongs."""
     if planted and is_in_cell(run.point):
         run = replace(run, sets=[*run.sets, f"combine.edge.fault.bias.offset_m={BIAS_M}"])
-    return do_run(run, fields)
+    return next(results_in([run], fields))
 
 
 def here(work: Callable[..., dict[str, Any]]) -> Callable[..., None]:

@@ -91,12 +91,6 @@ def results_in(runs: Sequence[PlannedRun], fields: KeptFields) -> Iterator[Resul
         yield {**found, "cpu_s": cpu_s}
 
 
-def do_run(run: PlannedRun, fields: KeptFields) -> Result:
-    """Do one of the runs."""
-    (result,) = results_in([run], fields)
-    return result
-
-
 def no_result(run: PlannedRun, why: str) -> dict[str, Any]:
     """The result of a run that came to nothing."""
     reason = shortened(" ".join(why.split()))

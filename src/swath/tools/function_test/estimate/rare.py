@@ -306,11 +306,6 @@ class Rate:
     overlooked: float
 
     @property
-    def is_supported(self) -> bool:
-        """Whether the runs support a number."""
-        return self.ess >= ESS_LEAST and self.overlooked <= OVERLOOKED_MOST
-
-    @property
     def half_width(self) -> float:
         """Half width of the interval, as a share of the value."""
         return 0.5 * (self.high - self.low) / self.value if self.value > 0.0 else np.inf
