@@ -17,7 +17,7 @@ Ask = Callable[[], Any]
 Item = TypeVar("Item")
 SPACING_M = 2.0  # between kept scans at first; doubles whenever MOST are kept
 MOST = 48
-BAND = 64  # rows of a map that are looked up together
+COLUMNS, BAND = 1400, 64  # of the raster of a map; rows of it that are looked up together
 
 
 @dataclass(frozen=True)
@@ -171,20 +171,18 @@ class FieldMap:
         return np.asarray(moved @ np.array([[c, -s], [s, c]]))
 
 
-def make_map(
-    ground: Standing, path: F64, *, also: F64 | None = None, margin: float = 14.0, columns: int = 1400
-) -> FieldMap:
+def make_map(ground: Standing, path: F64, *, also: F64 | None = None, margin: float = 14.0) -> FieldMap:
     """Picture of the field around the path of the header's end, (n, 2) [m], from left to right.
 
     also: further points that must be on it, such as the paths of other ends, (m, 2) [m]
-    margin: of field shown on every side [m]; columns: of the raster
+    margin: of field shown on every side [m]
     """
     chord = path[-1] - path[0]
     turn = float(np.arctan2(chord[1], chord[0])) if np.hypot(*chord) > 1.0 else 0.0
     frame = FieldMap(path[0].copy(), turn, (0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)), None)
     placed = frame.place(path if also is None else np.concatenate([path, also]))
     low, high = placed.min(axis=0) - margin, placed.max(axis=0) + margin
-    cell = max(0.05, (high[0] - low[0]) / columns)
+    cell = max(0.05, (high[0] - low[0]) / COLUMNS)
     u, v = np.arange(low[0] + cell / 2, high[0], cell), np.arange(low[1] + cell / 2, high[1], cell)
     has_straw = hasattr(ground, "pages") and ground.pages.table.size > 0
     standing = np.zeros((len(v), len(u)), bool)

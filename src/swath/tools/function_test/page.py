@@ -23,6 +23,7 @@ from swath.report.html import (
     write_page,
 )
 from swath.terminal.outcome import limit_text
+from swath.tools.function_test.case import Case
 from swath.tools.function_test.cells import Cell
 from swath.tools.function_test.judging.first_batch import banners
 from swath.tools.function_test.judging.integrity import (
@@ -212,6 +213,13 @@ def point_text(point: Mapping[str, object], seed: int) -> str:
     """Where a run lies in the parameters of its case, and its seed."""
     named = (f"{k} {num(v)}" if isinstance(v, float) else f"{k} {v}" for k, v in point.items())
     return ", ".join((*named, f"seed {seed}"))
+
+
+def axis_of(case: Case, name: str) -> tuple[str, str, str]:
+    """A parameter of a case as the axis of a chart: its name, and the ends of its range or list of values."""
+    varied = case.file.vary[name]
+    low, high = varied.range or (varied.drawn_values[0], varied.drawn_values[-1])
+    return name, *(end if isinstance(end, str) else num(end) for end in (low, high))  # type: ignore[return-value]
 
 
 def failures(title: str, column: str, rows: Sequence[tuple[Mapping[str, Any], str]], count: int) -> Table:
