@@ -89,7 +89,7 @@ def run_reda(
     settings: Settings,
     *,
     processes: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, total: None,
     kept: Path | None = None,
 ) -> list[Found]:
     """All conditions in their order. The same settings give the same numbers, whatever the processes.
@@ -102,8 +102,7 @@ def run_reda(
         found.append(made)
         if kept is not None:
             _keep(kept, settings, found)
-        if progress is not None:
-            progress(done, len(conditions))
+        progress(done, len(conditions))
     return found
 
 

@@ -224,7 +224,7 @@ def scan_job(
     at_s: float = 0.0,
     formats: Sequence[str] | None = None,
     camera: bool = False,
-    tell: Callable[[str], None] | None = None,
+    tell: Callable[[str], None] = lambda note: None,
 ) -> list[Path]:
     """One scan of a scenario after `at_s` of driving, as files `scan.*` in the folder `out`.
 
@@ -236,9 +236,8 @@ def scan_job(
     formats = USUAL_FORMATS if formats is None else formats
     check_formats(formats)
     driven = drive_to_scan(scenario, at_s, camera=camera)
-    if tell is not None:
-        for note in driven.machine.notes:
-            tell(note)
+    for note in driven.machine.notes:
+        tell(note)
     files: list[Path] = []
     with held(out, SCAN_FILES, "scan"):
         if scan_in(out) not in (of := scan_of(scenario, at_s), None):
