@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from swath.core.blocks import Looker
 from swath.core.frames import Pose
+from swath.field.field import Field
 from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, Solids
 from swath.judge.evaluator import is_among
 from swath.record.message_factory import RecordedMachine
@@ -140,13 +141,6 @@ class ScanSampler(Sampler):
         )
 
 
-class Standing(Protocol):
-    """What the map asks of a field."""
-
-    def standing(self, x: Any, y: Any) -> Any:
-        """Whether crop stands at places."""
-
-
 @dataclass(frozen=True)
 class FieldMap:
     """The field seen from above, turned so that the run goes from left to right.
@@ -171,7 +165,7 @@ class FieldMap:
         return np.asarray(moved @ np.array([[c, -s], [s, c]]))
 
 
-def make_map(ground: Standing, path: F64, *, also: F64 | None = None, margin: float = 14.0) -> FieldMap:
+def make_map(ground: Field, path: F64, *, also: F64 | None = None, margin: float = 14.0) -> FieldMap:
     """Picture of the field around the path of the header's end, (n, 2) [m], from left to right.
 
     also: further points that must be on it, such as the paths of other ends, (m, 2) [m]

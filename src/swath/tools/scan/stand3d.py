@@ -6,11 +6,12 @@ A plant is drawn whole where it reaches over the side of its tile; rays see it c
 """
 
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.field.field import Field
 from swath.field.memory_layout import (
     MIRROR_X,
     MIRROR_Y,
@@ -19,7 +20,6 @@ from swath.field.memory_layout import (
     STANDING,
     Organ,
     Pages,
-    PlantLibrary,
     Shape,
 )
 from swath.record.message_factory import RecordedMachine
@@ -54,25 +54,6 @@ LAYERS, SHADES = 100, 31  # of the picture, from far to near; of each colour, at
 BACK, AHEAD, ASIDE = 2.4, 2.4, 1.9  # shown about the place where the beams meet the edge [m]
 
 
-class Stand(Protocol):
-    """What the picture asks of a field."""
-
-    @property
-    def pages(self) -> Pages:
-        """Stems of the stand, in pages."""
-
-    @property
-    def library(self) -> PlantLibrary:
-        """Plants that stems are instances of."""
-
-    @property
-    def stand_yaw(self) -> float:
-        """Direction of the stand's x axis [rad]."""
-
-    def ground_height(self, x: Any, y: Any) -> Any:
-        """Height of the ground [m]."""
-
-
 @dataclass(frozen=True)
 class Organs:
     """Pieces of plants in the world.
@@ -103,7 +84,7 @@ class Organs:
         return np.stack([self.a - half, self.a + half, self.b + tip, self.b - tip], axis=1)
 
 
-def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
+def organs_near(field: Field, x: float, y: float, reach: float) -> Organs:
     """What stands (or is left as stubble) within `reach` of a world point [m]."""
     turn = Pose.from_euler([0.0, 0.0, 0.0], yaw=field.stand_yaw)
     centre = turn.inverse().apply([x, y, 0.0])[:2]
@@ -124,7 +105,7 @@ def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
     return Organs(turn.apply(a), turn.apply(b), turn.turn(half), radius, organ, tip)
 
 
-def _tile(field: Stand, ix: int, iy: int, first: I64, centre: F64, reach: float) -> tuple[Any, ...] | None:
+def _tile(field: Field, ix: int, iy: int, first: I64, centre: F64, reach: float) -> tuple[Any, ...] | None:
     """Pieces of one tile in the stand frame, cut where they are cut."""
     pages, library = field.pages, field.library
     page = (iy // PAGE_TILES - pages.table_y, ix // PAGE_TILES - pages.table_x)
@@ -211,7 +192,7 @@ class Camera:
         return seen[..., :2] / depth[..., None], depth
 
 
-def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F64) -> Any:
+def stand_figure(field: Field, scan: KeptScan, machine: RecordedMachine, edge: F64) -> Any:
     """The stand where a scan meets the edge, with its echoes.
 
     edge: points of the initial edge in the world, (k, 2) [m]
@@ -264,7 +245,7 @@ class _Box:
         return np.asarray((u > -BACK) & (u < AHEAD) & (np.abs(v) < ASIDE))
 
 
-def _painted(field: Stand, organs: Organs, box: _Box, camera: Camera) -> tuple[F64, F64]:
+def _painted(field: Field, organs: Organs, box: _Box, camera: Camera) -> tuple[F64, F64]:
     """Quads (n, 4, 2) in the image and their colours (n, 4), in painting order: ground, then far to near."""
     seen = organs.take(box.holds(organs.a))
     a, b = seen.a, seen.b
@@ -319,7 +300,7 @@ def _shaded(organ: U8, height: F64, depth: F64) -> F64:
     return np.concatenate([rgb * (1 - haze) + haze, np.ones((len(rgb), 1))], axis=1)
 
 
-def _ground(field: Stand, box: _Box, camera: Camera) -> tuple[F64, F64]:
+def _ground(field: Field, box: _Box, camera: Camera) -> tuple[F64, F64]:
     from matplotlib.colors import to_rgb
 
     u, v = np.arange(-BACK, AHEAD + 1e-9, 0.2), np.linspace(-ASIDE, ASIDE, 20)
@@ -334,7 +315,7 @@ def _ground(field: Stand, box: _Box, camera: Camera) -> tuple[F64, F64]:
     return image[order], rgba[order]
 
 
-def _draw_edges(ax: Any, field: Stand, scan: KeptScan, edge: F64, box: _Box, camera: Camera) -> None:
+def _draw_edges(ax: Any, field: Field, scan: KeptScan, edge: F64, box: _Box, camera: Camera) -> None:
     """The initial and the detected edge on the ground."""
     u = np.linspace(-BACK, AHEAD, 40)
     seen = np.zeros((0, 2))
