@@ -61,6 +61,13 @@ class Chart:
         paint = f' fill="{fill}" fill-opacity=".75"' if fill else f' class="{look}" fill-opacity=".75"'
         self._marks.append(f'<circle{paint} cx="{a}" cy="{b}" r="{radius:.3g}">{_tip(title)}</circle>')
 
+    def run(self, x: float, y: float, title: str, *, keeps: bool) -> None:
+        """A run that keeps its limits, or one that does not."""
+        if keeps:
+            self.dot(x, y, "on", title)
+        else:
+            self.cross(x, y, title)
+
     def cross(self, x: float, y: float, title: str = "") -> None:
         """A run that fails."""
         a, b = (float(v) - 3.0 for v in self._at(x, y))

@@ -11,7 +11,7 @@ from swath.core.number_text import num, percent_of, signed, span
 from swath.report.chart import Chart
 from swath.report.html import Beside, Facts, Html, Section, Table, bar, element, joined, write_page
 from swath.tools.function_test.judging.first_batch import banners
-from swath.tools.function_test.page import failures, point_text
+from swath.tools.function_test.page import axis_of, failures, point_text
 from swath.tools.function_test.search.boundary import Boundary
 from swath.tools.function_test.search.search import Searched
 from swath.tools.function_test.stored_line import Result
@@ -71,9 +71,9 @@ def index(share: float) -> Html:
 
 def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:
     """Over two parameters: the share of the others' ranges in which runs pass, and the runs."""
-    made = Chart(
-        SIDE, SIDE, f"{_axis(found, y)[0]} over {_axis(found, x)[0]}", _axis(found, x), _axis(found, y)
-    )
+    names = boundary.names[x], boundary.names[y]
+    across, up = (axis_of(found.case, name) for name in names)
+    made = Chart(SIDE, SIDE, "{1} over {0}".format(*names), across, up)
     size = 1.0 / BINS
     for row, line in enumerate(boundary.map_of(x, y, BINS)):
         for column, share in enumerate(line):
@@ -88,7 +88,7 @@ def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:
 
 def _line(found: Searched, boundary: Boundary) -> Chart:
     """The margin over one parameter, from -1 to 1 upwards."""
-    x = _axis(found, 0)
+    x = axis_of(found.case, boundary.names[0])
     made = Chart(SIDE, SIDE, f"margin over {x[0]}", x, ("margin", "-1", "1"))
     made.line(0.0, 0.5, 1.0, 0.5, "3 3")
     return _with_runs(made, found, boundary, boundary.points[:, 0], 0.5 + 0.5 * boundary.margins)
@@ -97,16 +97,8 @@ def _line(found: Searched, boundary: Boundary) -> Chart:
 def _with_runs(made: Chart, found: Searched, boundary: Boundary, x: Any, y: Any) -> Chart:
     for a, b, margin, result in zip(x, y, boundary.margins, found.judged, strict=True):
         title = f"{point_text(result['point'], result['seed'])}: margin {signed(margin)}"
-        if margin >= 0.0:
-            made.dot(float(a), float(b), "on", title)
-        else:
-            made.cross(float(a), float(b), title)
+        made.run(float(a), float(b), title, keeps=margin >= 0.0)
     return made
-
-
-def _axis(found: Searched, number: int) -> tuple[str, str, str]:
-    name, (low, high) = list(found.ranges.items())[number]
-    return name, num(low), num(high)
 
 
 def _nearest_first(found: Searched, failed: Sequence[Result]) -> list[tuple[Result, float]]:
