@@ -82,6 +82,12 @@ def luminance(colour):
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
+def test_a_number_that_is_none_is_a_dash():
+    assert [cell(text, is_number=True) for text in ("nan", "-2")] == [
+        f'<td class="n">{text}</td>' for text in ("-", "−2")
+    ]
+
+
 def test_short_cells_stay_whole_whatever_they_are_of():
     for text in ("not shown", "-12 to -6", element("span", "not shown", title="a long text of a tip")):
         assert 'class="word"' in cell(text, is_number=False)

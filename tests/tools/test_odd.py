@@ -106,7 +106,7 @@ def test_check_names_what_is_wrong(tmp_path: Path):
     assert kinds(write_odd(tmp_path)) == {
         ("not simulated", "weather.fog"): "no drops",
         ("not drawn", "weather.rain"): "outside the ODD: downpour",
-        ("not drawn", "process.speed"): "the ODD goes on above 2 km/h, the buckets end there",
+        ("not drawn", "process.speed"): "the ODD goes on below 2 km/h, the buckets end there",
     }
     unbound = BINDING.replace("  weather.fog: {not_simulated: no drops}\n", "")
     assert ("unbound", "weather.fog") in kinds(write_odd(tmp_path, unbound))

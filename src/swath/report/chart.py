@@ -1,6 +1,5 @@
 """Small drawings in a page, as SVG in the colours of its style sheet."""
 
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -223,10 +223,10 @@ def write_page(path: Path, sections: Sequence[Any], **values: Any) -> Path:
 
 
 def cell(text: object, *, is_number: bool) -> Html:
-    """A cell of a table: a word or a short text stays whole, numbers have real minus signs."""
+    """A cell of a table: a word or a short text stays whole, a number has a real minus sign, none is a dash."""
     made, plain = escaped(text), "" if isinstance(text, Html) else str(text)
     if is_number and plain:
-        made = Html(re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
+        made = Html("-" if plain == "nan" else re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
     seen = html.unescape(re.sub("<[^>]*>", "", made))
     is_whole = len(seen) <= SHORT or " " not in seen
     look = "n" if is_number else "word" if is_whole else "long" if len(plain) > LONG else ""
