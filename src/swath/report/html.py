@@ -211,9 +211,8 @@ def render_page(
 
 def _section(made: Any) -> Section | None:
     if isinstance(made, Table):
-        table = replace(made, title="")
-        is_long = len(made.rows) > MANY
-        return Section(made.title, (Fold(f"Show all {len(made.rows)} rows", (table,)) if is_long else table,))
+        table, count = replace(made, title=""), len(made.rows)
+        return Section(made.title, (Fold(f"Show all {count} rows", (table,)) if count > MANY else table,))
     return Section(made.title, (made,)) if isinstance(made, Figure) else made
 
 
@@ -223,7 +222,7 @@ def write_page(path: Path, sections: Sequence[Any], **values: Any) -> Path:
 
 
 def cell(text: object, *, is_number: bool) -> Html:
-    """A cell of a table: a word or a short text stays whole, a number has a real minus sign, none is a dash."""
+    """A cell of a table: a word or a short text stays whole, a number has a real minus, none is a dash."""
     made, plain = escaped(text), "" if isinstance(text, Html) else str(text)
     if is_number and plain:
         made = Html("-" if plain == "nan" else re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
