@@ -106,7 +106,7 @@ def test_check_names_what_is_wrong(tmp_path: Path):
     assert kinds(write_odd(tmp_path)) == {
         ("not simulated", "weather.fog"): "no drops",
         ("not drawn", "weather.rain"): "outside the ODD: downpour",
-        ("not drawn", "process.speed"): "the ODD goes on beyond 2 km/h, the buckets end there",
+        ("not drawn", "process.speed"): "the ODD goes on below 2 km/h, the buckets end there",
     }
     unbound = BINDING.replace("  weather.fog: {not_simulated: no drops}\n", "")
     assert ("unbound", "weather.fog") in kinds(write_odd(tmp_path, unbound))
@@ -593,7 +593,7 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
             entry = {"subject": "combine", "name": "distance_m", "limit": {"min": 9}, "value": 2.0}
             run.result.update(expect=[entry | {"result": "fail"}], verdict="fail", reason="2 is less than 9")
     page = write_dossier(found).read_text()
-    row = '<td class="word">lean_deg</td><td class="n">7</td><td>5 to 26</td>'
+    row = '<td class="word">lean_deg</td><td class="n">7</td><td class="word">5 to 26</td>'
     assert row in page
     assert f"{DENSITY}: " in page
     assert "no range declared" in page

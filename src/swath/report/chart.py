@@ -1,6 +1,7 @@
 """Small drawings in a page, as SVG in the colours of its style sheet."""
 
-from collections.abc import Sequence
+import numpy as np
+from numpy.typing import ArrayLike
 
 from swath.report.html import Html, escaped
 
@@ -97,12 +98,12 @@ class Chart:
         dashed = f' stroke-dasharray="{dash}"' if dash else ""
         self._marks.append(f'<line x1="{a}" y1="{b}" x2="{c}" y2="{d}" stroke-width="{thick}"{dashed}/>')
 
-    def curve(self, x: Sequence[float], y: Sequence[float]) -> None:
+    def curve(self, x: ArrayLike, y: ArrayLike) -> None:
         """A line through points in their order, which is broken where y is nan."""
-        path, begin = "", "M"
-        for a, b in zip(x, y, strict=True):
-            path += f"{begin}{a * self.width:.0f} {(1.0 - b) * self.height:.0f}" if b == b else ""
-            begin = "L" if b == b else "M"
+        points = np.stack([np.asarray(x) * self.width, (1.0 - np.asarray(y)) * self.height], axis=1)
+        known = points[:, 1] == points[:, 1]
+        steps = np.where([False, *known[:-1]], "L%.0f %.0f", "M%.0f %.0f")[known].tolist()
+        path = "".join(steps) % tuple(points[known].ravel().tolist())
         self._marks.append(f'<path class="curve" d="{path}"/>')
 
     def text(

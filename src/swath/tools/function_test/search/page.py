@@ -19,11 +19,10 @@ from swath.tools.function_test.stored_line import Result
 SIDE, BINS = 270.0, 22  # of a map [px], squares along it
 FAILED_MAX = 60  # runs in the list
 PARAMETERS = ("parameter", "key", "range", "alone", "with all that it acts with")
-ABOUT_MAPS = (
-    "Dots are runs that keep their limits, crosses runs that do not. The colour is the share of the other "
-    "parameters' ranges in which runs are expected to keep them: blue all, none of both colours half, "
-    "orange none. Expected is what a Gaussian process makes of the margins; the runs are where it knew "
-    "least on which side of the boundary they would fall."
+RUNS = "Dots are runs that keep their limits, crosses runs that do not."
+COLOURS = (
+    "The colour is the share of the other parameters' ranges in which runs are expected to keep them: blue "
+    "all, none of both colours half, orange none. Expected is what a Gaussian process makes of the margins."
 )
 ABOUT_SHARES = "Shares of the margin's variance over the ranges (Sobol's indices), from the same runs."
 
@@ -40,7 +39,7 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
         for (name, first, total), ends in zip(boundary.sensitivities(), found.ranges.values(), strict=True)
     ]  # fmt: skip
     sections = [
-        Section("Where runs pass", [Beside(maps or [_line(found, boundary)]), ABOUT_MAPS]),
+        Section("Where runs pass", [Beside(maps or [_line(found, boundary)]), RUNS, maps and COLOURS]),
         Table("What matters", PARAMETERS, sensitivities, text=ABOUT_SHARES),
         failures("Failed runs, nearest to the boundary first", "margin", rows, len(failed)),
     ]  # fmt: skip
