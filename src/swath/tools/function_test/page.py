@@ -413,6 +413,6 @@ def stanford(cells: Sequence[Cell], number: int) -> Chart | None:
     chart.line(0.0, alert, 1.0, alert, "3 3")
     chart.text(alert, 0.0, f"{num(WRONG_M)} m", right=3.0, down=-13.0)
     chart.text(1.0, 0.0, f"error {num(BIN_M * BIN_COUNT)} m", anchor="end", right=-3.0, down=-3.0)
-    chart.text(0.0, alert, f"{num(WRONG_M)} m", right=13.0, down=-3.0)
-    chart.text(0.0, 1.0, f"stated {num(BIN_M * BIN_COUNT)} m", right=13.0, down=14.0)
+    chart.text(1.0, alert, f"{num(WRONG_M)} m", anchor="end", right=-3.0, down=-3.0)
+    chart.text(alert, 1.0, f"stated {num(BIN_M * BIN_COUNT)} m", right=3.0, down=14.0)
     return chart
