@@ -53,16 +53,16 @@ def stepped(env: Any, count: int, steps: int) -> dict[str, float]:
 def tested(count: int) -> dict[str, float]:
     """Milliseconds a run, alone and with `count` in step."""
     from swath.runtime.kept import KeptFields
-    from swath.tools.function_test.one_run import do_run, results_in
+    from swath.tools.function_test.one_run import results_in
     from swath.tools.function_test.plan import Plan
 
     with tempfile.TemporaryDirectory() as folder:
         case = Path(folder) / "case.yaml"
         case.write_text(CASE, encoding="utf-8")
         runs, fields = tuple(Plan(str(case), seeds=count // 2).runs()), KeptFields()
-        do_run(runs[0], fields)
+        next(results_in([runs[0]], fields))
         begin = time.process_time()
-        alone = [do_run(run, fields) for run in runs[:8]]
+        alone = [next(results_in([run], fields)) for run in runs[:8]]
         middle = time.process_time()
         in_step = {result["id"]: result["digest"] for result in results_in(runs, fields)}
         end = time.process_time()

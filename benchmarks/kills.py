@@ -29,9 +29,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tests.tools.fake_work import finished
+
 from swath.core.files.output_folder import LOCK
 from swath.core.files.whole_file import PART
-from swath.tools.function_test.journal import finished
 
 SIGNALS = {"SIGKILL": -signal.SIGKILL, "SIGTERM": 143, "SIGINT": 130}
 FAULTS = {"kill": -signal.SIGKILL, "torn": -signal.SIGKILL, "lost": -signal.SIGKILL, "full": 2, "short": 0}

@@ -33,7 +33,7 @@ from swath.tools.function_test.odd.cells import judged, needed_each
 from swath.tools.function_test.odd.coverage import Coverage, driven_of
 from swath.tools.function_test.odd.design import Design
 from swath.tools.function_test.odd.dossier import write_dossier
-from swath.tools.function_test.one_run import do_run
+from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import PlannedRun
 
 SLOPE, DENSITY = "terrain.side_slope", "process.density"
@@ -70,7 +70,7 @@ def stood_in(odd: Odd, runs: int, seed: int, *, planted: bool) -> Coverage:
     coverage = Coverage(odd)
     while len(coverage.runs) < runs:
         done = len(coverage.runs)
-        for point in design.next(coverage.planned, done, min(ROUND, runs - done)):
+        for point in design.next(coverage.counted, done, min(ROUND, runs - done)):
             number = 1000 * seed + len(coverage.runs)
             coverage.add(driven_of(odd, closed_form(point, number, planted=planted)))
     return coverage
@@ -80,7 +80,7 @@ def driven(run: PlannedRun, fields: KeptFields, *, planted: bool) -> dict[str, A
     """A run, with the fault where it belongs."""
     if planted and is_in_cell(run.point):
         run = replace(run, sets=[*run.sets, f"combine.edge.fault.bias.offset_m={BIAS_M}"])
-    return do_run(run, fields)
+    return next(results_in([run], fields))
 
 
 def here(work: Callable[..., dict[str, Any]]) -> Callable[..., None]:
@@ -132,8 +132,8 @@ def main() -> None:
                 session.run_all = here(partial(driven, planted=planted))
                 campaign = Campaign(odd.name, revision_of(odd), (args.runs,), seed, TRUTH)
                 made = conduct(args.out / name, campaign, odd, 1, lambda result: None)
-                coverage, cells = made.coverage, made.cells()
-                write_dossier(made, cells)
+                coverage, cells = made.coverage, made.cells
+                write_dossier(made)
             else:
                 coverage = stood_in(odd, args.runs, seed, planted=planted)
                 cells = judged(coverage, odd.file.claim, is_complete=True)

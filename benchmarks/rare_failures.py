@@ -18,7 +18,14 @@ from scipy.stats import chi2
 
 from swath.signals import F64
 from swath.tools.function_test.estimate.estimate import SEARCHING
-from swath.tools.function_test.estimate.rare import Hunt, Rate, log_exposure, rate_of
+from swath.tools.function_test.estimate.rare import (
+    ESS_LEAST,
+    OVERLOOKED_MOST,
+    Hunt,
+    Rate,
+    log_exposure,
+    rate_of,
+)
 
 RARE = 1e-4
 Margin = Callable[[F64], F64]
@@ -126,7 +133,7 @@ def main() -> None:
         make, d = SHAPES[name]
         start = time.process_time()
         found = [estimated(make(d), d, args.budget, seed) for seed in range(args.repeats)]
-        shown = [rate for rate in found if rate.is_supported]
+        shown = [rate for rate in found if rate.ess >= ESS_LEAST and rate.overlooked <= OVERLOOKED_MOST]
         mean = np.mean([rate.value for rate in found]) / RARE
         width = np.median([rate.half_width for rate in shown] or [np.inf])
         inside = sum(rate.low <= RARE <= rate.high for rate in shown)

@@ -22,7 +22,7 @@ from swath.tools.function_test.search.boundary import sobol_points
 from swath.tools.function_test.session import begin
 from swath.tools.tune.optimiser import Measured, optimise, winner
 from swath.tools.tune.parameters import Parameter, as_sets
-from swath.tools.tune.tune import ALPHA, NO_BETTER, Tune, run_tune, says
+from swath.tools.tune.tune import ALPHA, NO_BETTER, Proof, Tune, run_tune
 
 NOISE, NEAR = 0.03, 0.05  # of the span of the values, of the ranges
 PAIRS = 32  # of the proof
@@ -70,7 +70,7 @@ def noise(seed: int, tries: int) -> str:
     )
     pairs = [tuple({"metrics": {AIM: float(v)}, "digest": str(v), "verdict": "pass"} for v in two)
              for two in rng.standard_normal((PAIRS, 2))]  # fmt: skip
-    return says(Comparison(pairs, [AIM], 0, alpha=ALPHA), (0, 0), {AIM: "lower"})
+    return Proof(Comparison(pairs, [AIM], 0, alpha=ALPHA, directions={AIM: "lower"}), (0, 0)).says
 
 
 def closed(seeds: int, tries: int) -> None:

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from swath.core.apart import call
 from swath.core.foreign_code import allow_code
 from tests.driven import Driven
+from tests.pages import judged
 
 call.is_apart = False  # in modules while they are collected; for tests see pytest_runtest_setup
 
@@ -140,6 +141,13 @@ def _driven_stays(request):
     yield
     if "driven" in request.fixturenames and isinstance(shared := request.getfixturevalue("driven"), Driven):
         shared.check()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _pages_hold_what_all_must():
+    """A test that makes a page with something wrong with it fails."""
+    with judged():
+        yield
 
 
 @pytest.fixture

@@ -164,7 +164,7 @@ def test_a_campaign(tmp_path, monkeypatch, capsys, verdict, code, said):
     text = " ".join(capsys.readouterr().out.split())
     assert said in text
     if code == 3:
-        assert {cell.verdict for cell in made.cells()} <= {"not shown", "never driven", "shown"}
+        assert {cell.verdict for cell in made.cells} <= {"not shown", "never driven", "shown"}
         assert "cause" not in text
 
 

@@ -24,7 +24,7 @@ from swath.documents.validation import unknown_key
 from swath.documents.yaml_document import Document, parse_value
 from swath.judge.limits import exit_code_of
 from swath.report.notebook import picture, run_html
-from swath.runtime.folder import choose_run_folder, choose_scan_folder, remove_empty, scan_of
+from swath.runtime.folder import choose_scan_folder, folder_for, remove_empty, scan_of
 from swath.runtime.job import JobResult, run_job, run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.workers import Lost, in_workers
@@ -285,9 +285,7 @@ def run(
         _check_alone(sets, seed)
     hooks = _pages() if report and scenario.run.record != "none" else []
     target = None if out is None else Path(out)
-    folder = choose_run_folder(
-        scenario.name, scenario.seed, target, summary=scenario.summary, replace=replace
-    )
+    folder = folder_for(scenario, target, replace=replace)
     try:
         with collected_rarely():
             made = run_job(scenario, folder, progress=progress, hooks=hooks)
@@ -339,10 +337,8 @@ def branch(
     with _allowed(code, (f"{key}={value}" for key, value in texts.items())):
         plan = plan_branch(Path(folder), at_s, texts)
         scenario = plan.scenario
-        target = choose_run_folder(
-            scenario.name, scenario.seed, None if out is None else Path(out), what="branch",
-            summary=scenario.summary, events=plan.events, replace=replace,
-        )  # fmt: skip
+        where = None if out is None else Path(out)
+        target = folder_for(scenario, where, what="branch", events=plan.events, replace=replace)
         try:
             made = plan.run(target, progress=progress, report=report)
             return RunResult(made.summary, made.exit_code, made.folder)
@@ -406,9 +402,10 @@ def tune(
         Where something cannot be tuned, or `out` holds another tuning.
     """
     from swath.core.files.place import within
+    from swath.tools.function_test.case import source_of
     from swath.tools.tune.page import write_tuned
     from swath.tools.tune.parameters import as_text
-    from swath.tools.tune.tune import Tune, run_tune, source_of
+    from swath.tools.tune.tune import Tune, run_tune
 
     some = [cases] if isinstance(cases, str | Path) else cases
     texts = [f"{k}={_text(v)}" for k, v in sets.items()] if isinstance(sets, Mapping) else list(sets)
@@ -623,7 +620,7 @@ def _run_entries(fields: KeptFields, code: bool, chunk: Chunk) -> list[BatchRun]
         try:
             if out is None:
                 return run_unrecorded(scenario, fields)
-            folder = choose_run_folder(scenario.name, scenario.seed, Path(out), summary=scenario.summary)
+            folder = folder_for(scenario, Path(out))
             folders[job[0]] = folder
             return run_job(scenario, folder, fields=fields).summary
         except InputError as error:

@@ -96,7 +96,7 @@ def test_a_metric_is_the_same_text_wherever_it_is_shown(tmp_path, capsys):
         print_outcome({"machines": {"combine": values}, "expect": []}, tmp_path)
         assert f" {text} " in capsys.readouterr().out
         assert f">{num(value, metric.unit)}<" in str(_groups(values, [metric])[0].parts[0].rows[0][1])
-        assert f"<td>{text}</td>" in run_html("run", values, tmp_path)
+        assert f">{text}</td>" in run_html("run", values, tmp_path)
         entry = {"subject": "combine", "name": metric.name, "value": value, "result": "pass", "limit": {}}
         assert limit_row(entry, known)["value"] == num(value, metric.unit)
         walked += 4

@@ -215,9 +215,8 @@ def _read_agopengps(folder: Path) -> Any:
 
 def _seen(folder: Path) -> Any:
     """People that sensors see: all conditions, or the rest of them."""
-    from swath.tools.reda.reda import Found, run_reda
+    from swath.tools.reda.reda import Cell, Found, run_reda
     from swath.tools.reda.scene import Settings
-    from swath.tools.reda.scores import Cell
 
     cell = Cell(-3.0, 0.0, 1.0, 0.0, 1, "")
     made = lambda settings, condition: Found(condition, {"lidar": [cell]}, {("lidar", 1.8): cell})  # noqa: E731

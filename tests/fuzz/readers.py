@@ -58,7 +58,7 @@ NO_STRANGERS = {
     ("judge/summary.py", "processor"): "/proc/cpuinfo",
     ("link/device/wires.py", "Reader._read_terminal"): "a terminal that the user named",
     ("link/fmi/export_slave.py", "Session.__init__"): "what lies beside the code of an FMU that runs already",
-    ("tools/field_export/glb.py", "_ground"): "a picture in memory that the same call drew",
+    ("tools/field_export/glb.py", "glb_bytes"): "a picture in memory that the same call drew",
 }
 FIRST = (  # kinds that come to all of it in the least time; the others are read where these do not do
     "command-test-plan",

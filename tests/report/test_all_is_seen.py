@@ -18,8 +18,8 @@ from swath.report.report import PictureSampler
 from swath.report.scan_sampler import ScanSampler
 from swath.report.sent import sent
 from swath.scenario.slots import REGISTRY, SLOTS
-from swath.signals import F64
-from swath.signals.flat import flat_fields
+from swath.signals import F64, MachineState
+from swath.signals.flat import build, flat_fields
 from tests.fake_run import ArcEdge, GridField, drive, machine
 from tests.report.test_flow import driven
 
@@ -67,6 +67,36 @@ def test_no_two_columns_have_one_name():
     assert len(names) > 300
     assert len(names) == len(set(names))
     assert not set(judged) & {column.name for column in sent_columns(PORTS)}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_row_is_what_each_column_says_of_the_newest_samples(seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    tracks = Tracks(replace(machine(), outputs=PORTS), 1)
+    monkeypatch.setattr("swath.record.tracks.STORED", int(rng.integers(1, 8)) * len(tracks.columns))
+    others, wanted = [name for name in PORTS if PORTS[name] is not MachineState], []
+    for t in range(20):
+        tracks.take(t, "motion.state", drawn(MachineState, t, rng))
+        for name in rng.choice(others, int(rng.integers(len(others) // 2)), replace=False):
+            tracks.take(t, name, drawn(PORTS[name], t, rng))
+        wanted.append([float(values[0]) for values in tracks.newest().values()])
+    assert np.isfinite(wanted).any(axis=0).mean() > 0.9
+    np.testing.assert_array_equal(np.stack([*tracks.arrays().values()], axis=1), wanted)
+
+
+def drawn(kind, t, rng):
+    """A sample of any numbers, one in four of which is 0; its arrays are of length 2."""
+    draw = {
+        "real": lambda n: float(rng.normal() * rng.integers(4)),
+        "int": lambda n: 2,
+        "bool": lambda n: bool(rng.integers(2)),
+        "array": lambda n: np.full(n, 2.0),
+    }
+    sizes = {
+        name: int(np.prod([d if isinstance(d, int) else 2 for d in field.quantity.shape]))
+        for name, field in flat_fields(kind).items()
+    }
+    return build(kind, t, {name: draw[field.kind](sizes[name]) for name, field in flat_fields(kind).items()})
 
 
 @pytest.mark.parametrize("title", FIGURES)

@@ -17,6 +17,7 @@ from swath.sensing.echo import ScannerWeather
 from swath.sensing.lidar import empirical, plants
 from swath.sensing.tables import load_table, table_names
 from swath.tools.distributions import compare
+from tests.agreement import is_good
 
 TEXT = """
 format: swath scenario 2
@@ -90,13 +91,13 @@ def test_measured_heights_agree_with_plants(density, sensor):
     """The limits of tools/distributions.py at three angles. Beams 2 deg apart see stems of their own."""
     for pitch in (10.0, 25.0, 50.0):
         found = agreement("wheat", density, sensor, pitch)
-        assert found.is_good, (pitch, found)
+        assert is_good(found), (pitch, found)
 
 
 def test_measured_heights_agree_in_leaning_crop():
     """Up to 20 deg, where the level says that it was checked."""
     found = agreement("wheat", 400, "sick-lms511-hr", 10.0, "field.stand.lean_deg=20")
-    assert found.is_good, found
+    assert is_good(found), found
 
 
 def test_dust_shortens_the_reach_as_with_plants():
@@ -147,7 +148,7 @@ def test_other_crops_agree_with_plants(crop, density):
         if (crop, pitch) == ("rye", 10.0):  # the highest tops lie 2 cm low, docs/explanation/lidar.md
             assert abs(found.p95_bias_m) < 0.025
             found = replace(found, p95_bias_m=0.0)
-        assert found.is_good, (pitch, found)
+        assert is_good(found), (pitch, found)
 
 
 @pytest.mark.parametrize("name", table_names())

@@ -5,8 +5,19 @@ import signal
 import time
 
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.journal import Journal
-from swath.tools.function_test.one_run import do_run, no_result
+from swath.tools.function_test.journal import Journal, read_journals
+from swath.tools.function_test.one_run import no_result, results_in
+
+
+def do_run(run, fields):
+    """The result of a run that is done alone."""
+    (result,) = results_in([run], fields)
+    return result
+
+
+def finished(folder):
+    """Names of the runs that are in a journal."""
+    return {result["id"] for result in read_journals(folder)}
 
 
 def here(work):

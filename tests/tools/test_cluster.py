@@ -12,10 +12,10 @@ import pytest
 from swath.core.errors import InputError, MissingExtra
 from swath.core.foreign_code import NotNamed
 from swath.tools.function_test.cluster import cluster_client, run_on_cluster
-from swath.tools.function_test.journal import finished, results_of, write_table
+from swath.tools.function_test.journal import results_of, write_table
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.pool import run_all
-from tests.tools.fake_work import fake_works
+from tests.tools.fake_work import fake_works, finished
 
 CASE = """
 format: swath test case 1

@@ -11,9 +11,8 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.tools.function_test.cluster import cluster_client, run_on_cluster, slurm_cluster_class
-from swath.tools.function_test.journal import finished
 from swath.tools.function_test.plan import Plan
-from tests.tools.fake_work import fake_works
+from tests.tools.fake_work import fake_works, finished
 from tests.tools.test_cluster import CASE
 
 SETTINGS = {

@@ -18,6 +18,8 @@ from swath.core.errors import InputError
 from swath.tools.function_test.case import Varied
 from swath.tools.function_test.estimate.estimate import Estimate, distribution_of, run_estimate
 from swath.tools.function_test.estimate.rare import (
+    ESS_LEAST,
+    OVERLOOKED_MOST,
     Hunt,
     effective,
     exposure,
@@ -136,10 +138,12 @@ def test_a_fit_finds_two_regions_and_a_tempered_weight_leaves_half_effective():
 def test_failures_where_the_search_found_none_leave_no_number():
     """Half of the weight of 200 failures lies outside the regions that were found."""
     fails, outside = np.arange(1000) < 200, np.arange(1000) < 100
-    assert rate_of(np.full(1000, 0.01), fails).is_supported
+    sound = rate_of(np.full(1000, 0.01), fails)
+    assert sound.ess >= ESS_LEAST
+    assert sound.overlooked == 0.0
     found = rate_of(np.full(1000, 0.01), fails, outside)
     assert found.overlooked == pytest.approx(0.5)
-    assert not found.is_supported
+    assert found.overlooked > OVERLOOKED_MOST
 
 
 def test_a_region_that_is_missed_is_called_overlooked():

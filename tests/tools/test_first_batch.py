@@ -94,8 +94,7 @@ def does_runs(module):
     ]
     is_of_session = any(
         isinstance(call, ast.Attribute)
-        and call.attr == "do"
-        and ast.unparse(call.value) in ("session", "part")
+        and (call.attr == "made" or (call.attr == "do" and ast.unparse(call.value) == "session"))
         for call in calls
     )
     return is_of_session or any(isinstance(call, ast.Name) and call.id == "results_in" for call in calls)

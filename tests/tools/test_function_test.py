@@ -15,7 +15,7 @@ from swath.core.foreign_code import Gate, through
 from swath.tools.function_test.candidates import read_candidates
 from swath.tools.function_test.case import find_cases, read_case
 from swath.tools.function_test.cells import Cell, cells_of
-from swath.tools.function_test.journal import Journal, finished, results_of, write_table
+from swath.tools.function_test.journal import Journal, results_of, write_table
 from swath.tools.function_test.judging.judged import PresentLimits, unjudged_lines
 from swath.tools.function_test.judging.margin import margin
 from swath.tools.function_test.judging.ranking import HEAD, Measured, by_tag, ranking
@@ -26,7 +26,7 @@ from swath.tools.function_test.page import write_matrix
 from swath.tools.function_test.plan import Plan, plan_of
 from swath.tools.function_test.pool import run_all
 from swath.tools.function_test.session import Session, begin, open_session
-from tests.tools.fake_work import fake_works
+from tests.tools.fake_work import fake_works, finished
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
 

@@ -6,12 +6,12 @@ import pytest
 
 from swath.commands.main import main
 from swath.runtime.kept import KeptFields
-from swath.tools.function_test.in_step import TOGETHER, in_chunks
 from swath.tools.function_test.journal import Journal, read_journals, write_table
-from swath.tools.function_test.one_run import do_run, results_in
+from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan
-from swath.tools.function_test.pool import run_all
+from swath.tools.function_test.pool import TOGETHER, in_chunks, run_all
 from swath.tools.function_test.session import begin
+from tests.tools.fake_work import do_run
 
 pytestmark = pytest.mark.usefixtures("code_allowed")
 

@@ -8,7 +8,6 @@ import pytest
 
 from swath.judge.evaluators.edge_detection import WRONG_M, EdgeSeries
 from swath.report.html import escaped
-from swath.tools.function_test.charts import SIDE, boundary, stanford
 from swath.tools.function_test.judging.integrity import (
     BIN_COUNT,
     BIN_M,
@@ -16,6 +15,7 @@ from swath.tools.function_test.judging.integrity import (
     integrity_of,
     pooled,
 )
+from swath.tools.function_test.page import SIDE, boundary, stanford
 
 COUNT = 1000
 

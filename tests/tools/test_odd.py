@@ -106,7 +106,7 @@ def test_check_names_what_is_wrong(tmp_path: Path):
     assert kinds(write_odd(tmp_path)) == {
         ("not simulated", "weather.fog"): "no drops",
         ("not drawn", "weather.rain"): "outside the ODD: downpour",
-        ("not drawn", "process.speed"): "the ODD goes on beyond 2 km/h, the buckets end there",
+        ("not drawn", "process.speed"): "the ODD goes on below 2 km/h, the buckets end there",
     }
     unbound = BINDING.replace("  weather.fog: {not_simulated: no drops}\n", "")
     assert ("unbound", "weather.fog") in kinds(write_odd(tmp_path, unbound))
@@ -288,7 +288,7 @@ def test_numbers_of_runs_and_p_values_are_closed_forms():
 
 
 def test_verdicts_are_the_p_values_corrected_by_holm_and_by_benjamini_and_yekutieli(passing: Conducted):
-    cells = failing(passing, 250, 3, lambda run, u: is_planted(run)).cells()
+    cells = failing(passing, 250, 3, lambda run, u: is_planted(run)).cells
     broken = set()
     for rank, cell in enumerate(sorted(cells, key=lambda c: c.p_broken)):
         if cell.p_broken > 0.05 / (len(cells) - rank):
@@ -310,7 +310,7 @@ def test_cells_at_the_claimed_rate_are_seldom_called_broken(passing: Conducted):
     wrong = 0
     for seed in range(8):
         found = failing(passing, 40, seed, lambda run, u: u < 0.2)
-        wrong += any(cell.verdict == BROKEN for cell in found.cells())
+        wrong += any(cell.verdict == BROKEN for cell in found.cells)
     assert wrong <= 2  # more than 2 of 8 has a chance of 0.6 % at 5 % each
 
 
@@ -323,12 +323,12 @@ def test_planted_fault_is_found_and_its_cell_is_the_only_cause(
 ):
     odd = small_odd(tmp_path)
     found = conducted(monkeypatch, tmp_path / "out", odd, 250, 0, lambda run, u: is_planted(run) or u < 0.01)
-    cells = found.cells()
-    assert [c.text for c in found.causes()] == [f"{SLOPE} 8 to 16 %, {DENSITY} 50 to 150 1/m2"]
-    why = explained(found.coverage, cells, found.causes(), found.claim)
+    cells = found.cells
+    assert [c.text for c in found.causes] == [f"{SLOPE} 8 to 16 %, {DENSITY} 50 to 150 1/m2"]
+    why = explained(found.coverage, cells, found.causes, found.claim)
     assert {cell.text for cell in cells if cell.verdict == BROKEN} == set(why)
     assert all(of.cause for of in why.values())
-    write_dossier(found, cells)
+    write_dossier(found)
     shown = read_odd(found.folder / "shown.odd.yaml")
     inside = {SLOPE: 12.0, DENSITY: 300.0, RAIN: "no_rain", "process.speed": 5.0, "weather.fog": "false"}
     assert shown.domain.holds(inside)
@@ -348,14 +348,14 @@ def test_causes_are_what_contrasts_with_the_rest(passing: Conducted, seed: int):
 
     rain, slope = f"{RAIN} showers", f"{SLOPE} -16 to -8 %"
     found = failing(passing, 200, seed, two)
-    first, second = found.causes()
+    first, second = found.causes
     assert {first.text, second.text} == {rain, slope}
     assert first.counted + first.rest_counted == sum(run.counts for run in found.coverage.runs)
     assert second.counted + second.rest_counted == first.rest_counted
-    (_, runs, here, _), (_, others, there, _) = _runs_of(found, [first, second])
+    (_, runs, here, _), (_, others, there, _) = _runs_of(found)
     assert (here, there) == (first.counted, second.counted)  # they drove where they were drawn
     assert not {run.result["id"] for run in runs} & {run.result["id"] for run in others}
-    (cause,) = failing(passing, 200, seed, adjacent).causes()
+    (cause,) = failing(passing, 200, seed, adjacent).causes
     assert cause.text == f"{SPEED} from 6 km/h on"
 
 
@@ -364,24 +364,24 @@ def test_a_range_contrasts_where_no_single_bucket_of_it_does(
     passing: Conducted, monkeypatch: pytest.MonkeyPatch, seed: int
 ):
     found = failing(passing, 160, seed, lambda run, u: u < (0.4 if float(run.point[SPEED]) < 6.0 else 0.8))
-    assert [cause.text for cause in found.causes()] == [f"{SPEED} from 6 km/h on"]
+    assert [cause.text for cause in found.causes] == [f"{SPEED} from 6 km/h on"]
     monkeypatch.setattr("swath.tools.function_test.odd.causes._ranges", lambda odd: iter(()))
-    assert not found.causes()
+    assert not replace(found).causes
 
 
 def test_where_all_fails_alike_no_cause_is_separated(passing: Conducted):
     called = 0
     for seed in range(8):
         found = failing(passing, 200, seed, lambda run, u: u < 0.67)
-        called += bool(found.causes())
+        called += bool(found.causes)
     assert called <= 2  # more than 2 of 8 has a chance of 0.6 % at 5 % each
-    cells = found.cells()
+    cells = found.cells
     why = explained(found.coverage, cells, [], found.claim)
     assert sum(cell.verdict == BROKEN for cell in cells) == len(why) > 20
     assert {of.why for of in why.values()} == {AS_THE_REST}
-    assert not found.causes()
-    assert f"{len(why)} cells broken {AS_THE_REST}" in summary_of(found, cells).lines
-    assert "no cause can be separated" in write_dossier(found, cells).read_text()
+    assert not found.causes
+    assert f"{len(why)} cells broken {AS_THE_REST}" in summary_of(found).lines
+    assert "no cause can be separated" in write_dossier(found).read_text()
 
 
 def test_a_cause_is_what_was_drawn_and_not_where_a_failing_run_drove(passing: Conducted):
@@ -393,21 +393,21 @@ def test_a_cause_is_what_was_drawn_and_not_where_a_failing_run_drove(passing: Co
             run.main[axes.index(DENSITY)] = run.main[axes.index(SLOPE)] = 0
         coverage.add(run)
     found = replace(found, coverage=coverage)
-    cells = found.cells()
+    cells = found.cells
     assert next(c for c in cells if c.text == f"{DENSITY} 50 to 150 1/m2").verdict == BROKEN
-    (cause,) = found.causes()
+    (cause,) = found.causes
     assert cause.text == f"{SLOPE} 8 to 16 %"
     assert (cause.failed, cause.rest_failed) == (cause.counted, 0)
-    told = summary_of(found, cells).lines
+    told = summary_of(found).lines
     assert any("only 0 drove mainly there" in line and cause.text in line for line in told)
-    page = write_dossier(found, cells).read_text()
+    page = write_dossier(found).read_text()
     assert "(!)" in page
     assert "mainly in another bucket" in page
 
 
 def test_a_range_is_left_out_as_one_condition(passing: Conducted):
     found = failing(passing, 300, 2, lambda run, u: float(run.point[SPEED]) > 6.0)
-    write_dossier(found, found.cells())
+    write_dossier(found)
     shown = read_odd(found.folder / "shown.odd.yaml")
     assert "process.speed: '[6 .. 10] km/h'" in (found.folder / "shown.openodd.yaml").read_text().replace(
         '"', "'"
@@ -419,11 +419,11 @@ def test_a_range_is_left_out_as_one_condition(passing: Conducted):
 
 
 def test_nothing_planted_nothing_broken_and_all_shown(passing: Conducted):
-    found, cells = passing, passing.cells()
+    found, cells = passing, passing.cells
     assert {c.verdict for c in cells} == {SHOWN}
     assert all(c.hits for c in cells)
     assert found.coverage.pair_share == (83, 83)
-    assert {row["verdict"] for row in rows_of(write_dossier(found, cells).parent / "cells.csv")} == {SHOWN}
+    assert {row["verdict"] for row in rows_of(write_dossier(found).parent / "cells.csv")} == {SHOWN}
     assert "EXCLUDE_OR" not in (found.folder / "shown.openodd.yaml").read_text().split("shown:")[-1]
 
 
@@ -592,8 +592,8 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
             run.result.update(never_checked={"combine.edge": ["rain_mm_h"]}, ended=end)
             entry = {"subject": "combine", "name": "distance_m", "limit": {"min": 9}, "value": 2.0}
             run.result.update(expect=[entry | {"result": "fail"}], verdict="fail", reason="2 is less than 9")
-    page = write_dossier(found, found.cells()).read_text()
-    row = '<td class="word">lean_deg</td><td class="n">7</td><td>5 to 26</td>'
+    page = write_dossier(found).read_text()
+    row = '<td class="word">lean_deg</td><td class="n">7</td><td class="word">5 to 26</td>'
     assert row in page
     assert f"{DENSITY}: " in page
     assert "no range declared" in page
@@ -609,12 +609,12 @@ def test_runs_outside_a_range_and_runs_that_drove_elsewhere_are_told(
 
 def test_pairs_that_nothing_drove_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     found = conducted(monkeypatch, tmp_path / "o w", small_odd(tmp_path), 8, 1, lambda run, u: False)
-    cells = found.cells()
+    cells = found.cells
     never = [c for c in cells if c.verdict == NEVER]
     driven, pairs = found.coverage.pair_share
     assert len(never) == pairs - driven > 0
     monkeypatch.setattr("swath.tools.function_test.odd.dossier.LISTED", 5)
-    page = write_dossier(found, cells).read_text()
+    page = write_dossier(found).read_text()
     assert never[0].text in page
     assert f"{len(never) - 5} more are in" in page
     assert "swath test again 'o w' RUN" in unescape(page)
@@ -658,7 +658,7 @@ def test_the_level_that_a_binding_sets_is_driven_and_told(tmp_path, monkeypatch)
     assert driven == {"empirical"}
     assert made.session.levels() == {"empirical": 8}
     assert made.session.level_lines() == []
-    page = write_dossier(made, made.cells()).read_text(encoding="utf-8")
+    page = write_dossier(made).read_text(encoding="utf-8")
     assert "empirical" in page.partition("LiDAR level")[2][:80]
 
 

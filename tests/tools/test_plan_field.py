@@ -256,7 +256,7 @@ def test_a_dossier_says_what_is_not_shown_and_shows_the_evidence(tmp_path, monke
     assert all(made.odd.domain.holds(c.point) for c in found.conditions)
     assert found.passes[0].condition.point[DENSITY] > 500
     (folder / EVIDENCE).write_text("pass,conditions,compared,number,value\n1,speed 5,scans,heights,0.012\n")
-    assert "Evidence from the field" in write_dossier(made, made.cells()).read_text(encoding="utf-8")
+    assert "Evidence from the field" in write_dossier(made).read_text(encoding="utf-8")
 
 
 def test_a_case_without_another_level_is_refused(case_file, tmp_path):

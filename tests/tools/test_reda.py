@@ -11,6 +11,7 @@ from swath.core.errors import InputError
 from swath.rays.engine import RayCaster
 from swath.tools.reda import reda
 from swath.tools.reda.page import _settings
+from swath.tools.reda.reda import Cell, lower_end, scores_of
 from swath.tools.reda.scene import (
     EDGE_M,
     CameraSensor,
@@ -22,7 +23,6 @@ from swath.tools.reda.scene import (
     places,
     visible,
 )
-from swath.tools.reda.scores import Cell, lower_end, scores_of
 
 ONE = Settings(repeats=1, looks=10)
 

@@ -14,10 +14,10 @@ from swath.record.tracks import read_tracks
 from swath.runtime.job import run_job
 from swath.runtime.kept import KeptFields
 from swath.tools.function_test.judging.judged import in_shadow
-from swath.tools.function_test.one_run import do_run
 from swath.tools.function_test.plan import Plan
 from swath.tools.function_test.session import begin, open_session
 from swath.tools.function_test.shadow import ShadowHook
+from tests.tools.fake_work import do_run
 from tests.whole.small import small
 
 ROOT = Path(__file__).parents[2]

@@ -160,7 +160,7 @@ def test_pure_noise_is_no_better(case_file, drives, tmp_path):
 
 def test_what_helps_where_it_was_tuned_alone_is_said_so(case_file, drives, tmp_path):
     tune = Tune((case_file,), PARAMS, each=3)
-    (draws,) = draws_of(tune).tuned.values()
+    (draws,) = draws_of(tune)["tuned"].values()
     seen = [point["speed_kmh"] for _, point in draws]
     drives(lambda a, b, point: bowl(a, b, point) if point["speed_kmh"] in seen else 0.2, noise=0.01)
     found = tuned(tmp_path / "a", case_file)
@@ -189,14 +189,14 @@ def test_two_aims_give_a_front_and_its_settings(case_file, drives, tmp_path):
 def test_draws_share_neither_seeds_nor_conditions(case_file):
     draws = draws_of(Tune((case_file, "bend"), PARAMS, each=8, proof=20))
     for case in ("made", "bend"):
-        tuned_, fresh, unseen = (part[case] for part in (draws.tuned, draws.fresh, draws.unseen))
+        tuned_, fresh, unseen = (part[case] for part in draws.values())
         seeds = [{seed for seed, _ in part} for part in (tuned_, fresh, unseen)]
         assert len(set.union(*seeds)) == sum(map(len, seeds))
         assert not [point for _, point in unseen if point in [p for _, p in tuned_]]
         assert all(point in [p for _, p in tuned_] for _, point in fresh)
     held = draws_of(Tune((case_file,), PARAMS, proven=("bend",)))
-    assert list(held.tuned) == ["made"]
-    assert list(held.unseen) == ["bend"]
+    assert list(held["tuned"]) == ["made"]
+    assert list(held["unseen"]) == ["bend"]
 
 
 def test_choices_and_whole_numbers_are_tried_as_they_are():

@@ -126,7 +126,7 @@ class Inputs:
             if f"{{{name}}}" in wanted:
                 known[name] = shutil.copytree(self.made(name, line), place / name)
         if "{id}" in wanted:
-            from swath.tools.function_test.journal import finished
+            from tests.tools.fake_work import finished
 
             known["id"] = min(finished(place / "tests" / "journal"))
         return known

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "connect", 5  # among all commands
 SHELLS = ("bash", "zsh", "tcsh")
@@ -11,11 +11,8 @@ SHELLS = ("bash", "zsh", "tcsh")
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "completion", help="print a script that completes swath in a shell", description=_DESCRIPTION
-    )
+    parser = verb(parsers, "completion", "print a script that completes swath in a shell", run, _DESCRIPTION)
     option(parser, "shell SHELL", f"one of {', '.join(SHELLS)}", choices=SHELLS)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "start", 8  # among all commands
 NOT_PAGES = ("figures", "make", "static")
@@ -13,11 +13,8 @@ NOT_PAGES = ("figures", "make", "static")
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "docs", help="list the pages of the documentation; print one", description=_DESCRIPTION
-    )
+    parser = verb(parsers, "docs", "list the pages of the documentation; print one", run, _DESCRIPTION)
     option(parser, "page PAGE", "page to print, such as levels or tutorials/first-run", nargs="?")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 from swath.terminal.tables import add_json, as_json, say, table
 
 PLACE = "start", 3  # among all commands
@@ -12,10 +12,9 @@ PLACE = "start", 3  # among all commands
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("levels", help="list every slot with its levels; explain one slot")
+    parser = verb(parsers, "levels", "list every slot with its levels; explain one slot", run)
     option(parser, "slot SLOT", "explain its levels, ports and parameters", nargs="?")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 from swath.terminal.tables import add_json, as_json, say, table
 
 PLACE = "start", 4  # among all commands
@@ -11,10 +11,9 @@ PLACE = "start", 4  # among all commands
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("metrics", help="list the metrics that limits can be set on, or explain one")
+    parser = verb(parsers, "metrics", "list the metrics that limits can be set on, or explain one", run)
     option(parser, "name NAME", "only this metric", nargs="?")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.commands.docs import folder
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "start", 6  # among all commands
 
@@ -80,14 +80,13 @@ TEMPLATES = {
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "new", help="write a template: scenario, detector, ...; or all examples", description=_DESCRIPTION
+    parser = verb(
+        parsers, "new", "write a template: scenario, detector, ...; or all examples", run, _DESCRIPTION
     )
     kinds = "; ".join(f"{kind}: {template.what}" for kind, template in TEMPLATES.items())
     help_ = f"{kinds}; examples: a folder with all examples"
     option(parser, "kind KIND", help_, choices=[*TEMPLATES, "examples"])
     option(parser, "file FILE", "where to write (default: its name)", nargs="?", type=Path)
-    parser.set_defaults(run=run)
 
 
 def _ends(name: str) -> tuple[str, ...]:

@@ -5,16 +5,15 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "look", 1  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("report", help="draw the report of a run again", description=_DESCRIPTION)
+    parser = verb(parsers, "report", "draw the report of a run again", run, _DESCRIPTION)
     option(parser, "source RUN", "a run folder", type=Path)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,14 +17,16 @@ from swath.terminal.options import (
     add_scenario_options,
     load,
     option,
+    verb,
 )
+from swath.terminal.outcome import tell
 
 PLACE = "start", 0  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("run", help="run a scenario, write a run folder", description=_DESCRIPTION)
+    parser = verb(parsers, "run", "run a scenario, write a run folder", run, _DESCRIPTION)
     option(parser, "scenario NAME|FILE", "a bundled scenario, a YAML file, or a run folder")
     add_scenario_options(parser)
     add_replace(parser)
@@ -74,7 +76,6 @@ def add(parsers: Any) -> None:
     option(parser, "--no-report", "do not write report.html")
     option(parser, "--no-replay", "do not write replay.html")
     option(parser, "--quiet", "print nothing but the folder of the run")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -82,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError, SwathError
     from swath.core.process.shell import command
     from swath.judge.summary import read_summary
-    from swath.runtime.folder import choose_run_folder, remove_empty
+    from swath.runtime.folder import folder_for, remove_empty
 
     if args.paused and not (args.ros2 or args.view):
         raise InputError(
@@ -94,9 +95,7 @@ def run(args: argparse.Namespace) -> int:
     from swath.runtime.changes import read_events
 
     events = read_events(args.events) if args.events is not None else []
-    out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, summary=scenario.summary, events=events, replace=args.replace
-    )
+    out = folder_for(scenario, args.out, events=events, replace=args.replace)
     from swath.runtime.job import run_job
     from swath.runtime.saves import EVERY_S, Saves, SavesField
     from swath.scenario.scenario import code_of
@@ -131,13 +130,7 @@ def run(args: argparse.Namespace) -> int:
         has_samples = os.path.isfile(file) and read_summary(file).get("simulated_s", 0.0) > 0.0
         kept = f"; what was recorded is in {out}, to look at: {command('report', out)}" if has_samples else ""
         raise type(error)(f"stopped{kept or ' before its first step' * os.path.isfile(file)}") from None
-    if args.quiet:
-        print(out)
-    else:
-        from swath.terminal.outcome import print_outcome
-
-        print_outcome(result.summary, out, scenario.evaluators)
-    return int(result.exit_code)
+    return tell(result, out, quiet=args.quiet, evaluators=scenario.evaluators)
 
 
 def _changed_on_the_way(source: str) -> Path | None:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 from swath.terminal.tables import add_json, as_json, say, table
 
 PLACE = "start", 2  # among all commands
@@ -11,10 +11,9 @@ PLACE = "start", 2  # among all commands
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("scenarios", help="list the bundled scenarios; print one")
+    parser = verb(parsers, "scenarios", "list the bundled scenarios; print one", run)
     option(parser, "name NAME", "print this scenario, to make your own of it", nargs="?")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

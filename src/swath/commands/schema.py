@@ -5,17 +5,16 @@ import json
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "connect", 4  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("schema", help="JSON Schema of scenario and job files, for editors")
+    parser = verb(parsers, "schema", "JSON Schema of scenario and job files, for editors", run)
     option(parser, "kind", "kind of file", ("scenario", "job"), nargs="?")
     option(parser, "--out F", "file to write (default: print it)", type=Path)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

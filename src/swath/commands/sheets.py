@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 from swath.terminal.tables import add_json, as_json, say, table
 
 PLACE = "start", 5  # among all commands
@@ -14,10 +14,9 @@ KINDS = ("sensors", "machines", "crops", "obstacles")
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("sheets", help="data sheets of sensors, machines, crops; print one to copy")
+    parser = verb(parsers, "sheets", "data sheets of sensors, machines, crops; print one to copy", run)
     option(parser, "words NAME", "print this data sheet, e.g. sick-lms111; or: check FILE ...", nargs="*")
     add_json(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

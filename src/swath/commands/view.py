@@ -4,19 +4,16 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "look", 0  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "view", help="make replay.html of a run folder: watch the run again", description=_DESCRIPTION
-    )
+    parser = verb(parsers, "view", "make replay.html of a run folder: watch the run again", run, _DESCRIPTION)
     option(parser, "folder RUN", "a run folder", type=Path)
     option(parser, "--out FILE", "where to write (default: RUN/replay.html)", type=Path)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

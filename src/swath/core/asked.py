@@ -1,21 +1,23 @@
 """Which of the keys that were set the parts of a run ask for.
 
-A part gets its parameters as a copy in which every field that differs from its default tells when it is read.
-What is made of parameters early and used late tells in their place (`gathered`, `telling`), so that a key
+What a scenario chose becomes a copy in which every field that differs from its default tells when it is read.
+What is made of fields early and used late tells in their place (`gathered`, `telling`), so that a key
 counts as asked for when somebody uses what was made of it. Reads while no part is made or stepped, such as
-those of a judge, do not count.
+those of a judge, do not count for the field.
 """
 
 import threading
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, Field, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from dataclasses import MISSING, fields, is_dataclass, replace
+from functools import cache, wraps
+from typing import Any, ParamSpec, TypeVar
 
 T = TypeVar("T")
+P = ParamSpec("P")
 Tell = Callable[[], bool]  # a field was read; True: it need not be told again
 ALL = ""  # asks for a key in the name of all parts: the field while it is made, a part for its own keys
-TELLS, KINDS = "_tells", "_kinds"  # of a class whose fields tell, and of its copies with changes
+TELLS = "_tells"  # among the attributes of an object: its fields that tell, with what they call
 
 
 class _Present(threading.local):
@@ -55,138 +57,132 @@ def gathered(make: Callable[[], T]) -> tuple[T, Tell]:
     return made, tell
 
 
-class _Telling:
-    """A field that tells when it is read."""
+def unasked(make: Callable[P, T]) -> Callable[P, T]:
+    """A function whose reads ask for nothing, such as one that writes a scenario down."""
 
-    def __init__(self, name: str, tell: Tell, raw: Callable[[Any], dict[str, Any]]) -> None:
-        self.name, self.tell, self.raw = name, tell, raw
+    @wraps(make)
+    def made(*args: P.args, **kwargs: P.kwargs) -> T:
+        return gathered(lambda: make(*args, **kwargs))[0]
 
-    def __get__(self, held: Any, kind: Any = None) -> Any:
-        if held is None:
-            return self
-        if PRESENT.heard is not None:
-            PRESENT.heard.append(self.tell)
-        elif self.tell() and self.name in vars(type(held)):
-            delattr(type(held), self.name)  # told for good: from now on it is read as fast as any other
-        return self.raw(held)[self.name]
-
-    def __set__(self, held: Any, value: Any) -> None:
-        self.raw(held)[self.name] = value
-
-
-def _raw_of(kind: type) -> Callable[[Any], dict[str, Any]]:
-    """What gives the attributes of an object of a class, whatever the class says of `__dict__`."""
-    found: Any = next(vars(base)["__dict__"] for base in kind.__mro__ if "__dict__" in vars(base))
-    return found.__get__  # type: ignore[no-any-return]
-
-
-def telling_kind(kind: type[T], tells: Mapping[str, Tell]) -> type[T]:
-    """A class like another one, whose objects tell when these fields are read; those that go by all
-    attributes (`vars`, pickle) read every field.
-    """
-    raw = _raw_of(kind)
-
-    def read_all(held: Any) -> dict[str, Any]:
-        for name in tells:
-            getattr(held, name)
-        return raw(held)
-
-    def reduced(held: Any, protocol: Any) -> Any:
-        read_all(held)
-        return bare(held).__reduce_ex__(protocol)
-
-    members: dict[str, Any] = {name: _Telling(name, tell, raw) for name, tell in tells.items()}
-    members |= {"__class__": property(lambda held: kind), "__dict__": property(read_all)}
-    members |= {"__module__": kind.__module__, "__reduce_ex__": reduced, "__doc__": kind.__doc__}
-    members |= {TELLS: tells, KINDS: {}}
-    return type(kind.__name__, (kind,), members)
-
-
-def _copy(held: Any, kind: type, changes: Mapping[str, Any]) -> Any:
-    made: Any = object.__new__(kind)
-    raw = _raw_of(held.__class__)
-    raw(made).update({**raw(held), **changes})
     return made
+
+
+def _own(held: Any) -> dict[str, Any]:
+    """The attributes of an object, whatever its class says of `__dict__`."""
+    return object.__getattribute__(held, "__dict__")  # type: ignore[no-any-return]
+
+
+@cache
+def _watching(kind: type) -> type:
+    """A class like another one, whose objects tell when fields are read that they have under TELLS; those
+    that go by all attributes (`vars`, pickle) read every one of them.
+    """
+
+    def read(held: Any, name: str) -> Any:
+        if name == "__class__":
+            return kind
+        own = _own(held)
+        tells = own.get(TELLS, {})
+        if name in ("__dict__", "__reduce_ex__"):
+            for each in [*tells]:
+                getattr(held, each)
+            return object.__getattribute__(bare(held), name)
+        if name in tells:
+            if PRESENT.heard is not None:
+                PRESENT.heard.append(tells[name])
+            elif tells[name]():  # told for good: where all are, it is read as fast as any other object
+                tells.pop(name, None)
+                if not tells and own.pop(TELLS, None) is not None:
+                    object.__setattr__(held, "__class__", kind)
+        return object.__getattribute__(held, name)
+
+    own = {"__getattribute__": read, "__module__": kind.__module__, "__doc__": kind.__doc__}
+    return type.__new__(type(kind), kind.__name__, (kind,), own)  # pydantic builds no validator for it
+
+
+def _copy(held: T, tells: Mapping[str, Tell], changes: Mapping[str, Any]) -> T:
+    """The same with other attributes, telling when these fields are read."""
+    kind: Any = held.__class__
+    made: Any = object.__new__(_watching(kind) if tells else kind)
+    for base in kind.__mro__:
+        for name in vars(base).get("__slots__", ()):
+            if name not in ("__dict__", "__weakref__"):
+                object.__setattr__(made, name, object.__getattribute__(held, name))
+    own = {**_own(held), **changes, TELLS: {**tells}}
+    _own(made).update(own if tells else {name: value for name, value in own.items() if name != TELLS})
+    return made  # type: ignore[no-any-return]
+
+
+def _tells_of(held: Any) -> Mapping[str, Tell]:
+    """The fields of an object that tell when they are read."""
+    return {} if type(held) is held.__class__ else _own(held).get(TELLS, {})
 
 
 def bare(held: T) -> T:
     """The same without telling."""
-    return _copy(held, held.__class__, {}) if TELLS in vars(type(held)) else held
+    return held if type(held) is held.__class__ else _copy(held, {}, {})
 
 
 def telling(held: T, tells: Mapping[str, Tell], changes: Mapping[str, Any] | None = None) -> T:
     """A copy that tells when these fields are read, too. changes: fields that become something else."""
-    if not tells and not changes:
-        return held
-    known: Mapping[str, Tell] = vars(type(held)).get(TELLS, {})
-    kind = telling_kind(held.__class__, {**known, **tells})
-    return _copy(held, kind, changes or {})  # type: ignore[no-any-return]
+    return _copy(held, {**_tells_of(held), **tells}, changes or {}) if tells or changes else held
+
+
+def made_of(made: T, held: Any, names: Mapping[str, str]) -> T:
+    """What was made of an object, telling in its place. names: field of what was made -> of the object."""
+    tells = _tells_of(held)
+    return telling(made, {name: tells[own] for name, own in names.items() if own in tells})
 
 
 def replaced(held: T, **changes: Any) -> T:
     """As `dataclasses.replace`; the fields that stay go on telling."""
     made: T = replace(bare(held), **changes)  # type: ignore[type-var]
-    if not (tells := vars(type(held)).get(TELLS)):
-        return made
-    kinds, named = vars(type(held))[KINDS], frozenset(changes)
-    if named not in kinds:
-        left = {name: tell for name, tell in tells.items() if name not in changes}
-        kinds[named] = telling_kind(held.__class__, left)
-    return _copy(made, kinds[named], {})  # type: ignore[no-any-return]
+    return telling(made, {name: tell for name, tell in _tells_of(held).items() if name not in changes})
 
 
 class Asked:
     """Who asks for which of the keys that were set.
 
-    by: key -> the parts that asked so far; about: key -> class and name of its field
-    is_of_parts: the keys are a part's own, and nobody else has its parameters: every read counts
+    by: key -> the parts that asked so far; about: key -> class, name and value of its field
+    is_of_parts: nobody but the run reads what has the keys: every read counts
     """
 
     def __init__(self, *, is_of_parts: bool = False) -> None:
         self.by: dict[str, set[str]] = {}
-        self.about: dict[str, tuple[Any, str]] = {}
+        self.about: dict[str, tuple[Any, str, Any]] = {}
         self._begun: dict[str, set[str]] = {}
         self._is_of_parts, self._found = is_of_parts, 0
 
-    def watched(self, params: T, path: str, each: Collection[str] = ()) -> T:
-        """A copy of parameters that tells what is read of them; None and what is no dataclass as it is.
+    def watched(self, held: T, path: str, each: Collection[str] = ()) -> T:
+        """A copy of parameters, or of a section, that tells what is read of it; anything else as it is.
 
         path: their key
         each: fields of which it matters which part asks, in each run anew; the others, once somebody has
             read them, count for all
         """
-        if not is_dataclass(params) or not hasattr(params, "__dict__"):
-            return params
-        tells, changes, kind = {}, {}, type(params)
-        for own in fields(params):
-            value = getattr(params, own.name)
-            if not own.init or _is_usual(value, own):
-                continue
-            key, found = f"{path}.{own.name}", self._found
-            changes[own.name] = self._inside(value, key, is_each=own.name in each)
+        if not _has_keys(held) or not hasattr(held, "__dict__"):
+            return held
+        tells, changes = {}, {}
+        for name, value in _set_in(held):
+            key, found = f"{path}.{name}", self._found
+            changes[name] = self._inside(value, key, is_each=name in each)
             if self._found == found:  # nothing inside was set
-                tells[own.name] = self._tell(key, (kind, own.name), own.name in each)
-        return telling(params, tells, changes)
-
-    def tells(self, section: Any, path: str) -> dict[str, Tell]:
-        """Keys of a section of a scenario that are set -> what tells, in each run anew, who asks for them."""
-        kind, said = type(section), section.model_fields_set
-        usual = {n: own.get_default(call_default_factory=True) for n, own in kind.model_fields.items()}
-        own = [n for n in usual if n in said and getattr(section, n) != usual[n]]
-        return {n: self._tell(f"{path}.{n}", (kind, n), is_each=True) for n in own}
+                tells[name] = self.key(key, held, name, is_each=name in each)
+        return telling(held, tells, changes)
 
     def _inside(self, value: Any, key: str, *, is_each: bool) -> Any:
         if isinstance(value, tuple | list) and any(is_dataclass(item) for item in value):
             return type(value)(
                 [self._inside(item, f"{key}.{i}", is_each=is_each) for i, item in enumerate(value)]
             )
-        if not is_dataclass(value) or isinstance(value, type):
+        if not _has_keys(value):
             return value
-        return self.watched(value, key, [own.name for own in fields(value)] if is_each else ())
+        return self.watched(value, key, [name for name, _ in _set_in(value)] if is_each else ())
 
-    def _tell(self, key: str, about: tuple[Any, str], is_each: bool) -> Tell:
+    def key(self, key: str, held: Any, name: str, *, is_each: bool = False) -> Tell:
+        """What tells that somebody asks for a key, a field of an object. is_each: as in `watched`."""
         self.by.setdefault(key, set())
-        self.about[key] = about
+        self.about[key] = type(held), name, getattr(held, name)
         self._found += 1
         if is_each:
             self._begun[key] = set()
@@ -208,7 +204,23 @@ class Asked:
         self.by |= {key: set(parts) for key, parts in self._begun.items()}
 
 
-def _is_usual(value: Any, own: "Field[Any]") -> bool:
-    """Whether a field has its default."""
-    usual = own.default if own.default_factory is MISSING else own.default_factory()
-    return value is usual or (value == usual) is True
+def _has_keys(held: Any) -> bool:
+    """Whether it is parameters, or a section of a scenario."""
+    return (is_dataclass(held) or hasattr(held, "model_fields_set")) and not isinstance(held, type)
+
+
+def _set_in(held: Any) -> Iterator[tuple[str, Any]]:
+    """Fields that differ from their defaults, with their values."""
+    if is_dataclass(held):
+        usual = {
+            own.name: own.default if own.default_factory is MISSING else own.default_factory()
+            for own in fields(held)
+            if own.init
+        }
+    else:
+        own_fields = type(held).model_fields.items()
+        usual = {name: own.get_default(call_default_factory=True) for name, own in own_fields}
+    for name, default in usual.items():
+        value = getattr(held, name)
+        if value is not default and (value == default) is not True:
+            yield name, value

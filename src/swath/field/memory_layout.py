@@ -14,7 +14,7 @@ with plane(q_x, q_y) = ground + slope_x (q_x - T/2) + slope_y (q_y - T/2). Mirro
 T - xi_x. 8 x 8 tiles make a page, the unit of memory; pages exist near machines and where crop was changed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -316,3 +316,13 @@ class Solids:
     mesh_centre: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     mesh_axes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3, 3)))
     mesh_reflectance: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def boxes(self) -> Iterator[tuple[NDArray[np.float64], ...]]:
+        """Centre, axes and half size of each box."""
+        return zip(self.box_centre, self.box_axes, self.box_half, strict=True)
+
+    @property
+    def ellipsoids(self) -> Iterator[tuple[NDArray[np.float64], ...]]:
+        """The same of each ellipsoid."""
+        return zip(self.ellipsoid_centre, self.ellipsoid_axes, self.ellipsoid_half, strict=True)

@@ -14,7 +14,7 @@ Extinction, of light in the air [1/m]:
 - dust as said: coarse dust dims 550 to 1550 nm alike within 15 %
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -26,7 +26,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.asked import Tell, bare, gathered, telling, telling_kind
+from swath.core.asked import Tell, bare, gathered, telling
 from swath.core.errors import Extra, InputError, MissingExtra
 from swath.core.schedule import NS
 from swath.core.units import DEG, HOUR, PERCENT
@@ -147,19 +147,15 @@ class SiteWeather:
         self._rows, self.notes = None, list[str]()
         if params.file is not None:
             self._rows, self.notes = _rows(params, self._start, folder or Path(), origin)
-        self._air = self._telling(Air, AIR_KEYS)
-        self._sun = self._telling(Sun, {"azimuth": SUN_KEYS[:1], "elevation": SUN_KEYS[1:]})
-        self._constant = None if self._rows is not None else _air(params, self._air)
+        self._of_air = {name: self._tell(keys) for name, keys in AIR_KEYS.items()}
+        self._of_sun = {"azimuth": self._tell(SUN_KEYS[:1]), "elevation": self._tell(SUN_KEYS[1:])}
+        self._constant = None if self._rows is not None else telling(_air(params), self._of_air)
         missing = [n for n in SUN_KEYS if getattr(params, n) is None and n not in (self._rows or {})]
         if len(missing) == 1:
             raise InputError(f"field.weather.{missing[0]}", None, "expected both angles of the sun, or none")
         if self._is_by_place and self._start is not None and origin is None and self._rows is None:
             expected = "expected a field that lies on Earth: field.origin, or an imported one"
             raise InputError("field.weather.time", params.time, expected)
-
-    def _telling(self, kind: type[T], keys: Mapping[str, Iterable[str]]) -> type[T]:
-        """A class like `kind`: who reads one of its fields asks for these keys."""
-        return telling_kind(kind, {name: self._tell(of) for name, of in keys.items()})
 
     def _tell(self, keys: Iterable[str]) -> Tell:
         """What tells that keys were asked for; of those that its file has, the file and the time."""
@@ -202,13 +198,14 @@ class SiteWeather:
 
     def at(self, t: int) -> Air:
         """The air at a time of the run [ns]."""
-        return self._constant or _air(self._params_at(t), self._air)
+        return self._constant or telling(_air(self._params_at(t)), self._of_air)
 
     def sun(self, t: int) -> Sun | None:
         """The sun at a time of the run [ns]; None where the scenario says nothing of it."""
         params = self._params_at(t)
         if params.sun_azimuth_deg is not None and params.sun_elevation_deg is not None:
-            return self._sun(params.sun_azimuth_deg * DEG, params.sun_elevation_deg * DEG)
+            sun = Sun(params.sun_azimuth_deg * DEG, params.sun_elevation_deg * DEG)
+            return telling(sun, self._of_sun)
         if (start := self.start) is None or self._origin is None:
             return None
         step = t // (SUN_STEP_S * NS)
@@ -284,9 +281,9 @@ def sun_at(moment: datetime, origin: Origin) -> Sun:
     )
 
 
-def _air(p: Weather, kind: type[Air]) -> Air:
+def _air(p: Weather) -> Air:
     heading = from_azimuth(p.wind_azimuth_deg)
-    return kind(
+    return Air(
         rain=p.rain_mm_h,
         mor=inf if p.fog_mor_m is None or isnan(p.fog_mor_m) else p.fog_mor_m,
         dust=p.dust_per_m,

@@ -5,14 +5,14 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 
 def add(parsers: Any) -> Any:
     """Add the command and its two verbs. Returns the verbs, for more of them."""
     parser = parsers.add_parser("field", help="make a field from a yield log, look at one, take one away")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    imports = verbs.add_parser("import", help="make a field folder from a combine's yield log")
+    imports = verb(verbs, "import", "make a field folder from a combine's yield log", run_import)
     option(
         imports,
         "log LOG",
@@ -39,15 +39,12 @@ def add(parsers: Any) -> Any:
         dest="kind",
     )
     option(imports, "--replace", "make DIR anew where it is a field; its changes are lost")
-    imports.set_defaults(run=run_import)
-    shows = verbs.add_parser("show", help="draw a field folder as a picture")
+    shows = verb(verbs, "show", "draw a field folder as a picture", run_show)
     option(shows, "folder DIR", "a field folder", type=Path)
-    shows.set_defaults(run=run_show)
     text = "write a field folder as a field of AgOpenGPS"
-    gives = verbs.add_parser("agopengps", help=text, description=text)
+    gives = verb(verbs, "agopengps", text, run_agopengps, text)
     option(gives, "folder DIR", "a field folder", type=Path)
     option(gives, "--out DIR", "the folder to make", type=Path, required=True)
-    gives.set_defaults(run=run_agopengps)
     return verbs
 
 

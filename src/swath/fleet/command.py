@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import InputError
-from swath.terminal.options import add_folder, add_replace, add_sets, option
+from swath.terminal.options import add_folder, add_replace, add_sets, option, verb
 
 PLACE = "many", 3  # among all commands
 FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
@@ -24,7 +24,7 @@ def add(parsers: Any) -> None:
     """Add the command and its verbs."""
     parser = parsers.add_parser("fleet", help="work off a whole field: combines, carts, a truck")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    run = verbs.add_parser("run", help="run a job until the field is empty", description=_DESCRIPTION)
+    run = verb(verbs, "run", "run a job until the field is empty", run_job, _DESCRIPTION)
     run.add_argument("job", metavar="NAME|FILE", help="bundled job, or a file of `format: swath fleet 1`")
     told = "write report.html, replay.html, picture, plan and results.json"
     add_folder(run, "job", *FILES, text=told, required=False)
@@ -37,10 +37,8 @@ def add(parsers: Any) -> None:
         "at events: do it 24 times more, with speeds, yield and times at the truck up to so much off",
         type=float, unit="percent",
     )  # fmt: skip
-    run.set_defaults(run=run_job)
-    jobs = verbs.add_parser("list", help="list the bundled jobs; print one")
+    jobs = verb(verbs, "list", "list the bundled jobs; print one", run_list)
     jobs.add_argument("name", nargs="?", metavar="NAME", help="print this job, to make your own of it")
-    jobs.set_defaults(run=run_list)
 
 
 def run_job(args: argparse.Namespace) -> int:

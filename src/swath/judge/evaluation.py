@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from swath.core.abilities import OTHER, Ending, EndsRun, HasNotes
+from swath.core.asked import replaced
 from swath.core.blocks import Looker, Seen, no_look
 from swath.core.number_text import num
 from swath.core.schedule import NS
@@ -56,7 +57,7 @@ class Evaluation:
         self.catalogue = catalogue
         self.is_trial = False  # true of a run that is to end before anything is measured
         first = next(iter(setups.values()))
-        self._setups = {**setups, FIELD: dataclasses.replace(first, name="", overlap=0.0, gaps=())}
+        self._setups = {**setups, FIELD: replaced(first, name="", overlap=0.0, gaps=())}
         self.machines: dict[str, RecordedMachine] = dict(first.machines)
         self._of: dict[str, list[Evaluator]] = {
             subject: [make(setup) for make in catalogue.classes if (subject == FIELD) == make.OF_FIELD]

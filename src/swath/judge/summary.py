@@ -145,6 +145,15 @@ def read_summary(file: Path, key: str = "RUN") -> dict[str, Any]:
     return data
 
 
+def numbers_in(summary: Mapping[str, Any]) -> dict[str, float | None]:
+    """Numbers of a summary by name, None of what was not measured; of several machines as `machine.name`."""
+    parts = {"": summary} | {f"{name}.": own for name, own in summary.get("machines", {}).items()}
+    return {
+        f"{of}{k}": v for of, part in parts.items() for k, v in part.items()
+        if v is None or (isinstance(v, int | float) and not isinstance(v, bool))
+    }  # fmt: skip
+
+
 @cache
 def versions() -> dict[str, str]:
     """Versions of what results depend on."""

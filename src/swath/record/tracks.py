@@ -12,7 +12,7 @@ from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from itertools import groupby
+from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -212,6 +212,8 @@ class _Newest(dict[Any, Any]):
         value = super().get(key, default)
         return self[key] if isinstance(value, tuple) else value
 
+    held = dict.get  # itself, or (block, place)
+
 
 class Tracks:
     """Collects the rows of one machine.
@@ -222,31 +224,31 @@ class Tracks:
     def __init__(self, machine: RecordedMachine, period: int, extra: tuple[Column, ...] = ()) -> None:
         self.machine = machine
         self.columns = (*machine_columns(machine), *extra, *sent_columns(machine.outputs))
-        groups = [(source, [*columns]) for source, columns in groupby(self.columns, lambda c: c.source)]
-        self._groups = [(source, columns, _reader(columns)) for source, columns in groups]
-        self._values: list[tuple[Any, list[float]]] = [(None, []) for _ in self._groups]  # of the last row
-        self._rows, self._stored = array("d"), UnnamedFile()
+        keys = dict.fromkeys(column.source for column in self.columns if column.field)
+        self._sources = {key: _Source(key, self.columns) for key in keys}
+        self._others = [i for i, column in enumerate(self.columns) if not column.field]
+        self._other_values, self._count = array("d"), 0  # of the rows that are not stored
+        self._stored = UnnamedFile()
+        self._changed: set[Any] = set()  # keys of samples that came after the newest row
         self._latest = _Newest()  # by type; of a further output of a type by its name
         self._further = {o for o, kind in machine.outputs.items() if o != _first(machine, kind)}
         self._period, self._due, self._is_open = period, 0, False
 
     def take(self, t: int, output: str, signal: Signal) -> None:
         """Note a sample of `slot.output` published at t [ns]."""
-        if output in self._further:
-            self._latest[output] = signal
-            return
-        if isinstance(signal, MachineState):
+        if isinstance(signal, MachineState) and output not in self._further:
             self._next_row(t)
-        self._latest[type(signal)] = signal
+        self._put(output if output in self._further else type(signal), signal)
 
     def take_of(self, t: int, output: str, block: Block, k: int) -> None:
         """The same of one of the samples of a block."""
-        if output in self._further:
-            self._latest[output] = block, k
-            return
-        if issubclass(block.kind, MachineState):
+        if issubclass(block.kind, MachineState) and output not in self._further:
             self._next_row(t)
-        self._latest[block.kind] = block, k
+        self._put(output if output in self._further else block.kind, (block, k))
+
+    def _put(self, key: Any, held: Any) -> None:
+        self._latest[key] = held
+        self._changed.add(key)
 
     def _next_row(self, t: int) -> None:
         self._finish_row()
@@ -275,8 +277,10 @@ class Tracks:
             raise InputError("tracks", self.machine.name, f"expected the first {rows} rows of the run")
         empty = np.full(rows, NAN)
         found = [table[c.name][own][:rows] if c.later is None else empty for c in self.columns]
-        self._rows = array("d", np.stack(found, axis=1).tobytes())
+        self._stored = UnnamedFile()
+        self._stored.append(np.stack(found, axis=1).tobytes())
         self._latest, self._due, self._is_open = _Newest(state["latest"]), state["due"], state["is_open"]
+        self._changed = {*self._latest}
 
     def newest(self, names: Container[str] | None = None) -> dict[str, np.ndarray]:
         """Columns of one row at present, (1,) each, kept or not; {} before there is one.
@@ -320,7 +324,7 @@ class Tracks:
     @property
     def row_count(self) -> int:
         """Rows so far that are complete."""
-        return (self._stored.size // 8 + len(self._rows)) // len(self.columns)
+        return self._stored.size // (8 * len(self.columns)) + self._count
 
     def _blocks(self, *, is_over: bool) -> Iterator[np.ndarray]:
         """Rows as they are stored, PIECE at a time."""
@@ -332,7 +336,7 @@ class Tracks:
             yield np.frombuffer(self._stored.read(at, size)).reshape(-1, len(self.columns))
 
     def _split(self, table: np.ndarray) -> dict[str, np.ndarray]:
-        return {c.name: table[:, i].copy() for i, c in enumerate(self.columns)}
+        return dict(zip((c.name for c in self.columns), np.ascontiguousarray(table.T), strict=True))
 
     def _later(
         self, found: dict[str, np.ndarray], *, is_over: bool, names: Container[str] | None = None
@@ -344,25 +348,71 @@ class Tracks:
         }
 
     def _finish_row(self) -> None:
-        if self._is_open and MachineState in self._latest:
-            for i, (source, columns, read) in enumerate(self._groups):
-                sample = self._latest.get(source)
-                before, values = self._values[i]
-                if sample is None or sample is not before:
-                    if read is not None and sample is not None:
-                        values = read(sample)
-                    else:
-                        values = [c.value(self._latest) for c in columns]
-                    self._values[i] = sample, values
-                self._rows.extend(values)
+        latest = self._latest
+        if self._is_open and MachineState in latest:
+            self._other_values.extend([self.columns[i].value(latest) for i in self._others])
+            for key in self._changed & self._sources.keys():
+                self._sources[key].take(self._count, latest.held(key))
+            self._changed.clear()
+            self._count += 1
             self._is_open = False
-            if len(self._rows) >= STORED:
+            if self._count * len(self.columns) >= STORED:
                 self._store()
 
     def _store(self) -> None:
         """Put the newest rows to those before."""
-        self._stored.append(self._rows)
-        del self._rows[:]
+        if not self._count:
+            return
+        table = np.empty((self._count, len(self.columns)))
+        table[:, self._others] = np.frombuffer(self._other_values).reshape(self._count, -1)
+        for source in self._sources.values():
+            table[:, source.places] = source.rows(self._count)
+        self._stored.append(table.tobytes())
+        self._other_values, self._count = array("d"), 0
+
+
+class _Source:
+    """Numbers of the samples of which columns are made, kept where a row has another sample than that before.
+
+    key: of the newest samples; places: of its columns among all
+    """
+
+    def __init__(self, key: Any, columns: Sequence[Column]) -> None:
+        self.places = [i for i, column in enumerate(columns) if column.field and column.source == key]
+        own = [columns[i] for i in self.places]
+        self._numbers = [column.number for column in own]
+        self._is_plain = all(number is float for number in self._numbers)
+        self._flows = [i for i, column in enumerate(own) if column.over]
+        self._fields = *(column.field for column in own), next((c.over for c in own if c.over), "t")
+        self._of_sample = attrgetter(*self._fields)
+        self._begins, self._values = [0], array("d", [NAN] * len(self._fields))
+
+    def take(self, row: int, held: Any) -> None:
+        """Another sample, from a row on: itself, or the block that it is in and its place there."""
+        block, k = held if isinstance(held, tuple) else (None, 0)
+        found: Sequence[Any]
+        if block is not None and block.is_even and self._is_plain:
+            found = [block[name][k] for name in self._fields]
+        else:
+            found = self._of_sample(held if block is None else block.sample(k))
+        if not self._is_plain:
+            found = [*(n(v) for n, v in zip(self._numbers, found, strict=False)), found[-1]]
+        self._begins.append(row)
+        self._values.extend(found)
+
+    def rows(self, count: int) -> np.ndarray:
+        """The columns in so many rows, (count, columns), which are then forgotten."""
+        values = np.array(self._values).reshape(len(self._begins), -1)
+        last = self._values[-len(self._fields) :]
+        if self._flows:
+            step = values[:, -1:]
+            flows = np.full((len(values), len(self._flows)), NAN)
+            with np.errstate(all="ignore"):
+                np.divide(values[:, self._flows], step, out=flows, where=step > 0.0)
+            values[:, self._flows] = flows
+        found = np.repeat(values[:, :-1], np.diff(self._begins, append=count), axis=0)
+        self._begins, self._values = [0], last
+        return found
 
 
 @dataclass(frozen=True)
@@ -382,19 +432,6 @@ class _ByColumn(Mapping[str, np.ndarray]):
         return len(self.tracks.columns)
 
 
-def _reader(columns: Sequence[Column]) -> Callable[[Any], list[float]] | None:
-    """Values of columns from a sample of their source, None where some are made of more than its fields."""
-    if not all(column.field for column in columns):
-        return None
-    fields = attrgetter(*(column.field for column in columns), "t")  # a tuple also of one
-    numbers = [column.number for column in columns]
-    if any(column.over for column in columns):
-        return lambda sample: [column.value({column.source: sample}) for column in columns]
-    if all(number is float for number in numbers):
-        return lambda sample: [*fields(sample)[:-1]]
-    return lambda sample: [number(v) for number, v in zip(numbers, fields(sample), strict=False)]
-
-
 def write_tracks(path: Path, tracks: list[Tracks]) -> None:
     """Write the table of all machines in one go; a half-written file is never left behind.
 
@@ -410,7 +447,8 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         fields.append(pa.field(name, pa.float64(), metadata=note))
     about = {"format": TRACKS, "units": json.dumps({n: c.unit for n, c in columns.items()})}
     schema = pa.schema(fields, metadata=about)
-    firsts = [next(t.pieces(), {}) for t in tracks]
+    pieces = [t.pieces() for t in tracks]
+    firsts = [next(of_one, {}) for of_one in pieces]
     busy = [name for name in columns if any(_is_busy(first[name]) for first in firsts if name in first)]
     with (
         new_file(path) as file,
@@ -422,8 +460,8 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
             column_encoding=dict.fromkeys(busy, "BYTE_STREAM_SPLIT"),
         ) as writer,
     ):
-        for t in tracks:
-            for piece in t.pieces():
+        for t, first, more in zip(tracks, firsts, pieces, strict=True):
+            for piece in chain([first] if first else [], more):
                 count = len(piece["t_s"])
                 data = [_to_arrow(piece.get(name, np.full(count, NAN))) for name in columns]
                 names = _repeated(t.machine.name, count)

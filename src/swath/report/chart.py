@@ -1,6 +1,7 @@
 """Small drawings in a page, as SVG in the colours of its style sheet."""
 
-from collections.abc import Sequence
+import numpy as np
+from numpy.typing import ArrayLike
 
 from swath.report.html import Html, escaped
 
@@ -61,6 +62,13 @@ class Chart:
         paint = f' fill="{fill}" fill-opacity=".75"' if fill else f' class="{look}" fill-opacity=".75"'
         self._marks.append(f'<circle{paint} cx="{a}" cy="{b}" r="{radius:.3g}">{_tip(title)}</circle>')
 
+    def run(self, x: float, y: float, title: str, *, keeps: bool) -> None:
+        """A run that keeps its limits, or one that does not."""
+        if keeps:
+            self.dot(x, y, "on", title)
+        else:
+            self.cross(x, y, title)
+
     def cross(self, x: float, y: float, title: str = "") -> None:
         """A run that fails."""
         a, b = (float(v) - 3.0 for v in self._at(x, y))
@@ -90,12 +98,12 @@ class Chart:
         dashed = f' stroke-dasharray="{dash}"' if dash else ""
         self._marks.append(f'<line x1="{a}" y1="{b}" x2="{c}" y2="{d}" stroke-width="{thick}"{dashed}/>')
 
-    def curve(self, x: Sequence[float], y: Sequence[float]) -> None:
+    def curve(self, x: ArrayLike, y: ArrayLike) -> None:
         """A line through points in their order, which is broken where y is nan."""
-        path, begin = "", "M"
-        for a, b in zip(x, y, strict=True):
-            path += f"{begin}{a * self.width:.0f} {(1.0 - b) * self.height:.0f}" if b == b else ""
-            begin = "L" if b == b else "M"
+        points = np.stack([np.asarray(x) * self.width, (1.0 - np.asarray(y)) * self.height], axis=1)
+        known = points[:, 1] == points[:, 1]
+        steps = np.where([False, *known[:-1]], "L%.0f %.0f", "M%.0f %.0f")[known].tolist()
+        path = "".join(steps) % tuple(points[known].ravel().tolist())
         self._marks.append(f'<path class="curve" d="{path}"/>')
 
     def text(

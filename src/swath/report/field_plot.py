@@ -11,42 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.field.memory_layout import Solids
-from swath.report.plots import (
-    BLUE,
-    CROP,
-    DIM,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SKY,
-    SOIL,
-    STRAW,
-    STUBBLE,
-    evenly,
-    panels,
-)
+from swath.report import plots
 from swath.report.scan_sampler import FieldMap, straw_depth
 from swath.runtime.world import World
-from swath.signals import F64
+from swath.signals import F64, U8, Mask
 
 SHOWN_STRAW = 0.01  # depth from which straw is drawn [m]
-Mask = NDArray[np.bool_]
 
 
-def ground_colours(field: Any, x: F64, y: F64) -> NDArray[np.uint8]:
+def ground_colours(field: Any, x: F64, y: F64) -> U8:
     """Colours (..., 3) in sRGB of world points (...) [m]: crop, stubble, bare ground, straw."""
     left = field.left_height(x, y)
     colours = np.empty((*np.shape(x), 3), np.uint8)
-    colours[...] = _rgb(SOIL)
-    colours[(left > 0.0) & np.isfinite(left)] = _rgb(STUBBLE)
-    colours[np.isinf(left)] = _rgb(CROP)
-    colours[(straw_depth(field, x, y) > SHOWN_STRAW) & ~np.isinf(left)] = _rgb(STRAW)
+    colours[...] = _rgb(plots.SOIL)
+    colours[(left > 0.0) & np.isfinite(left)] = _rgb(plots.STUBBLE)
+    colours[np.isinf(left)] = _rgb(plots.CROP)
+    colours[(straw_depth(field, x, y) > SHOWN_STRAW) & ~np.isinf(left)] = _rgb(plots.STRAW)
     return colours
 
 
-def top_view(world: World, machine: str, *, size_m: float = 30.0, pixels: int = 300) -> NDArray[np.uint8]:
+def top_view(world: World, machine: str, *, size_m: float = 30.0, pixels: int = 300) -> U8:
     """Picture in sRGB, (pixels, pixels, 3), north up: the machine in its middle is blue, others dark."""
     centre = world.bodies.pose_of(machine).position
     middle = (np.arange(pixels) + 0.5) / pixels - 0.5
@@ -54,7 +38,7 @@ def top_view(world: World, machine: str, *, size_m: float = 30.0, pixels: int = 
     picture = ground_colours(world.field, x, y)
     own = world.bodies.own(machine)
     for body in world.bodies.around():
-        picture[_under(body.solids, x, y)] = _rgb(BLUE if body.name in own else INK)
+        picture[_under(body.solids, x, y)] = _rgb(plots.BLUE if body.name in own else plots.INK)
     return picture
 
 
@@ -62,14 +46,14 @@ def _under(solids: Solids, x: F64, y: F64) -> Mask:
     """Which points lie below or above a body. A mesh is taken as its box."""
     found: Mask = np.zeros(x.shape, bool)
     points = np.stack([x, y], axis=-1)
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    reach = [np.abs(mesh.corners.reshape(-1, 3)).max(axis=0) for mesh in solids.mesh_shape]
+    boxes = (
+        *solids.boxes,
+        *zip(solids.mesh_centre, solids.mesh_axes, reach, strict=True),
+    )
+    for centre, axes, half in boxes:
         found |= (np.abs((points - centre[:2]) @ axes[:2, :2]) <= half[:2]).all(axis=-1)
-    for mesh, centre, axes in zip(solids.mesh_shape, solids.mesh_centre, solids.mesh_axes, strict=True):
-        reach = np.abs(mesh.corners.reshape(-1, 3)).max(axis=0)
-        found |= (np.abs((points - centre[:2]) @ axes[:2, :2]) <= reach[:2]).all(axis=-1)
-    for centre, axes, half in zip(
-        solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
-    ):
+    for centre, axes, half in solids.ellipsoids:
         found |= (((points - centre[:2]) @ axes[:2, :2] / half[:2]) ** 2).sum(axis=-1) <= 1.0
     for a, b, radius in zip(solids.capsule_a, solids.capsule_b, solids.capsule_radius, strict=True):
         along = b[:2] - a[:2]
@@ -120,37 +104,38 @@ def map_figure(
     edges: initial edges, (k, 2); obstacles: x, y, radius; driven: a track driven in reality, (m, 2)
     places: x, y and kind of what happened; all world [m]
     """
+    from matplotlib.patches import Circle
+
     left, right, bottom, top = picture.extent
-    fig, axes = panels(float(np.clip(10.0 * (top - bottom) / (right - left), 1.7, 8.5)) + 0.8, top=0.3)
+    fig, axes = plots.panels(float(np.clip(10.0 * (top - bottom) / (right - left), 1.7, 8.5)) + 0.8, top=0.3)
     ax = axes[0, 0]
     ax.grid(False)
-    ax.set_facecolor(SOIL)
-    ax.imshow(
-        _layer(picture.standing, CROP, 0.92),
-        extent=picture.extent,
-        origin="lower",
-        zorder=2,
-        gid=f"{DIM}_crop",
-    )
+    ax.set_facecolor(plots.SOIL)
+
+    def lay(share: NDArray[Any], colour: str, alpha: float, zorder: int, name: str) -> None:
+        look = {"extent": picture.extent, "origin": "lower", "gid": f"{plots.DIM}_{name}"}
+        ax.imshow(_layer(share, colour, alpha), zorder=zorder, **look)
+
+    lay(picture.standing, plots.CROP, 0.92, 2, "crop")
     if picture.straw is not None and (picture.straw > 0.01).any():
         depth = np.clip(picture.straw / max(float(picture.straw.max()), 1e-6), 0, 1)
-        ax.imshow(
-            _layer(depth, STRAW, 0.75), extent=picture.extent, origin="lower", zorder=3, gid=f"{DIM}_straw"
-        )
+        lay(depth, plots.STRAW, 0.75, 3, "straw")
     ax.set_autoscale_on(False)
     for index, edge in enumerate(edges):
         label = None if index else "initial edge"
-        ax.plot(*picture.place(edge).T, color=INK, ls=(0, (5, 3)), label=label, lw=1.4, zorder=5)
+        ax.plot(*picture.place(edge).T, color=plots.INK, ls=(0, (5, 3)), label=label, lw=1.4, zorder=5)
     for index, track in enumerate(tracks):
         _draw_track(ax, picture, track, index, named=len(tracks) > 1)
     if driven is not None:
-        ax.plot(*picture.place(driven).T, color=PURPLE, ls=":", lw=2.0, zorder=6, label="driven in reality")
+        ax.plot(
+            *picture.place(driven).T, color=plots.PURPLE, ls=":", lw=2.0, zorder=6, label="driven in reality"
+        )
     for x, y, radius in obstacles:
         u, v = picture.place([x, y])
-        ax.add_patch(_circle(u, v, max(radius, 0.35)))
+        ax.add_patch(Circle((u, v), max(radius, 0.35), fc=plots.GREY, ec=plots.INK, lw=0.8, zorder=8))
     for kind in dict.fromkeys(kind for _, _, kind in places):
         at = picture.place([(x, y) for x, y, own in places if own == kind])
-        ax.plot(*at.T, "X", ms=9, mfc="white", mec=INK, zorder=9, label=kind)
+        ax.plot(*at.T, "X", ms=9, mfc="white", mec=plots.INK, zorder=9, label=kind)
     ax.set(xlim=(left, right), ylim=(bottom, top), xlabel="along the run [m]", aspect="equal")
     ax.set_ylabel("across [m]")
     _north(ax, picture.turn)
@@ -163,18 +148,18 @@ def _draw_track(ax: Any, picture: FieldMap, track: MapTrack, index: int, *, name
     colour of its axle where there are several.
     """
     line = {"lw": 1.4, "zorder": 5}
-    axle = (BLUE, GREEN, PURPLE, SKY)[index % 4]
+    axle = (plots.BLUE, plots.GREEN, plots.PURPLE, plots.SKY)[index % 4]
     if track.has_header:
         left, right = (picture.place(_thin(end)) for end in track.header_ends)
         swath = np.concatenate([left, right[::-1]])
-        ax.add_artist(_area(swath, color=STUBBLE, lw=0, label=None if index else "cut in this run"))
+        ax.add_artist(_area(swath, color=plots.STUBBLE, lw=0, label=None if index else "cut in this run"))
         follows = f"header end ({track.side})" if not named else None if index else "header end"
-        ax.plot(*(left if track.side == "left" else right).T, color=ORANGE, label=follows, **line)
+        ax.plot(*(left if track.side == "left" else right).T, color=plots.ORANGE, label=follows, **line)
     label = track.name if named else "machine (fixed axle)"
     ax.plot(*picture.place(_thin(track.axle)).T, color=axle, label=label, **line)
     if track.outline is not None:
         outline = picture.place(track.outline)
-        edge = {"ec": axle, "lw": 1.5} if named else {"ec": INK, "lw": 0.9}
+        edge = {"ec": axle, "lw": 1.5} if named else {"ec": plots.INK, "lw": 0.9}
         ax.add_artist(_area(outline, fc="white", alpha=0.9, zorder=7, **edge))
 
 
@@ -186,11 +171,11 @@ def _area(corners: F64, **style: Any) -> Any:
 
 
 def _thin(way: F64) -> F64:
-    """Points of a way (n, 2) spread evenly, and its end."""
-    return np.concatenate([way[:-1][evenly(way)], way[-1:]])
+    """Points of a way (n, 2) spread plots.evenly, and its end."""
+    return np.concatenate([way[:-1][plots.evenly(way)], way[-1:]])
 
 
-def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
+def _layer(share: NDArray[Any], colour: str, alpha: float) -> U8:
     """An image of one colour that covers as much as the share [0, 1] says, (h, w, 4)."""
     from matplotlib.colors import to_rgb
 
@@ -198,12 +183,6 @@ def _layer(share: NDArray[Any], colour: str, alpha: float) -> NDArray[np.uint8]:
     rgba[..., :3] = np.rint(255.0 * np.array(to_rgb(colour)))
     rgba[..., 3] = np.rint(255.0 * alpha * share)
     return rgba
-
-
-def _circle(x: float, y: float, radius: float) -> Any:
-    from matplotlib.patches import Circle
-
-    return Circle((x, y), radius, fc=GREY, ec=INK, lw=0.8, zorder=8)
 
 
 def _north(ax: Any, turn: float) -> None:
@@ -218,9 +197,9 @@ def _north(ax: Any, turn: float) -> None:
         ha="center",
         va="center",
         fontsize=9,
-        color=INK,
+        color=plots.INK,
         zorder=9,
-        arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.2, "shrinkA": 5, "shrinkB": 0},
+        arrowprops={"arrowstyle": "-|>", "color": plots.INK, "lw": 1.2, "shrinkA": 5, "shrinkB": 0},
         bbox={"boxstyle": "circle,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
     )
 
@@ -230,11 +209,11 @@ def _map_legend(ax: Any, picture: FieldMap, *, has_obstacles: bool) -> None:
     from matplotlib.patches import Patch
 
     handles, _ = ax.get_legend_handles_labels()
-    handles.insert(0, Patch(fc=CROP, label="standing crop"))
+    handles.insert(0, Patch(fc=plots.CROP, label="standing crop"))
     if picture.straw is not None and (picture.straw > 0.01).any():
-        handles.insert(1, Patch(fc=STRAW, alpha=0.75, label="straw"))
+        handles.insert(1, Patch(fc=plots.STRAW, alpha=0.75, label="straw"))
     if has_obstacles:
-        handles.append(Line2D([], [], marker="o", ls="", mfc=GREY, mec=INK, label="obstacle"))
+        handles.append(Line2D([], [], marker="o", ls="", mfc=plots.GREY, mec=plots.INK, label="obstacle"))
     ax.legend(handles=handles, ncol=len(handles), loc="lower left", bbox_to_anchor=(0.0, 1.0),
               handlelength=1.6, columnspacing=1.3, borderaxespad=0.2)  # fmt: skip
 

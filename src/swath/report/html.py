@@ -14,7 +14,8 @@ from typing import Any
 
 from swath.core.files.whole_file import write_whole
 
-LONG = 60  # characters of a cell that would get too narrow beside words that stay whole
+SHORT, LONG = 16, 60  # characters of a cell that stays whole, and that would get too narrow beside those
+MANY = 40  # rows of a table that would push away what follows it
 TEMPLATES = Path(__file__).parent / "templates"
 INLINE = ((r"`([^`\n]+)`", r"<code>\1</code>"), (r"\*\*(.+?)\*\*", r"<strong>\1</strong>"),
           (r"\[([^\]\n]+)\]\((#?\w[\w./-]*)\)", r'<a href="\2">\1</a>'))  # fmt: skip
@@ -210,7 +211,8 @@ def render_page(
 
 def _section(made: Any) -> Section | None:
     if isinstance(made, Table):
-        return Section(made.title, (replace(made, title=""),))
+        table, count = replace(made, title=""), len(made.rows)
+        return Section(made.title, (Fold(f"Show all {count} rows", (table,)) if count > MANY else table,))
     return Section(made.title, (made,)) if isinstance(made, Figure) else made
 
 
@@ -220,11 +222,13 @@ def write_page(path: Path, sections: Sequence[Any], **values: Any) -> Path:
 
 
 def cell(text: object, *, is_number: bool) -> Html:
-    """A cell of a table: one word stays whole, numbers have real minus signs."""
+    """A cell of a table: a word or a short text stays whole, a number has a real minus, none is a dash."""
     made, plain = escaped(text), "" if isinstance(text, Html) else str(text)
     if is_number and plain:
-        made = Html(re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
-    look = "n" if is_number else "word" if " " not in str(text) else "long" if len(plain) > LONG else ""
+        made = Html("-" if plain == "nan" else re.sub(r"(?<![\w.])-(?=[\d.])", "−", made))
+    seen = html.unescape(re.sub("<[^>]*>", "", made))
+    is_whole = len(seen) <= SHORT or " " not in seen
+    look = "n" if is_number else "word" if is_whole else "long" if len(plain) > LONG else ""
     return Html(f'<td class="{look}">{made}</td>' if look else f"<td>{made}</td>")
 
 

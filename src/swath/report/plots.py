@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.files.whole_file import new_file
 from swath.core.number_text import num
 from swath.core.process.collector import give_back
+from swath.judge.evaluator import SETTLING_M
 from swath.judge.evaluators.edge_detection import EdgeSeries
 from swath.judge.evaluators.lateral_error import PathSeries
 from swath.judge.evaluators.unloading import HeapRows, UnloadingSeries
 from swath.record.charts import Columns
 from swath.report.scan_sampler import KeptScan
-from swath.signals import F64
+from swath.signals import F64, Mask
 from swath.signals.setup import MachineGeometry
 
 BLUE, ORANGE, GREEN, SKY, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#CC79A7", "#6B6F76"
@@ -165,13 +165,7 @@ def evenly(values: Any) -> slice:
     return slice(None, None, max(1, len(values) // POINTS))
 
 
-def errors_figure(
-    path: PathSeries | None,
-    edges: EdgeSeries | None,
-    *,
-    settling: float,
-    bands: dict[str, float] | None = None,
-) -> Any:
+def errors_figure(path: PathSeries | None, edges: EdgeSeries | None, bands: Mapping[str, float]) -> Any:
     """Lateral and edge error over the travelled distance; times without a detection are shaded.
 
     bands: limits to draw, in m, under `lateral` and `edge`; a part that is None is left out
@@ -181,36 +175,36 @@ def errors_figure(
     axes = list(grid[:, 0])
     end = 1.0
     if path is not None:
-        _plot_lateral(axes[0], path, settling, (bands or {}).get("lateral"))
+        _plot_lateral(axes[0], path, bands.get("lateral"))
         end = max([end, *path.distance[-1:].tolist()])
     if edges is not None:
-        _plot_edge(axes[-1], edges, settling, (bands or {}).get("edge"))
+        _plot_edge(axes[-1], edges, bands.get("edge"))
         end = max([end, *edges.distance[-1:].tolist()])
     axes[-1].set_xlabel("travelled distance [m]")
     axes[-1].set_xlim(0.0, end)
     return fig
 
 
-def _plot_lateral(ax: Any, series: PathSeries, settling: float, band: float | None) -> None:
+def _plot_lateral(ax: Any, series: PathSeries, band: float | None) -> None:
     thin = evenly(series.t)
     ax.plot(series.distance[thin], 100 * series.lateral[thin], color=BLUE, lw=1.3)
-    _limits(ax, 100 * series.lateral[series.distance >= settling], None if band is None else 100 * band)
-    ax.axvspan(0, settling, color="#F1F2F4", lw=0)
-    shown = min(settling, float(series.distance[-1])) if len(series.distance) else settling
+    _limits(ax, 100 * series.lateral[series.distance >= SETTLING_M], None if band is None else 100 * band)
+    ax.axvspan(0, SETTLING_M, color="#F1F2F4", lw=0)
+    shown = min([SETTLING_M, *series.distance[-1:].tolist()])
     ax.text(shown, 0.97, "settling ", transform=ax.get_xaxis_transform(), ha="right", va="top",
             color=GREY, fontsize=9).set_in_layout(False)  # fmt: skip
     ax.set_ylabel("header end\nlateral error [cm]")
     ax.set_title("> 0: towards the standing crop", loc="right", fontsize=9, color=GREY, y=1.0)
 
 
-def _plot_edge(ax: Any, series: EdgeSeries, settling: float, band: float | None) -> None:
-    ax.axvspan(0, settling, color="#F1F2F4", lw=0)
+def _plot_edge(ax: Any, series: EdgeSeries, band: float | None) -> None:
+    ax.axvspan(0, SETTLING_M, color="#F1F2F4", lw=0)
     _shade(ax, series.distance, series.exists & ~series.found, ORANGE, "true edge not detected", "////")
     _shade(ax, series.distance, series.is_none, PURPLE, "detected where none is", "\\\\")
     _shade(ax, series.distance, ~series.exists, GREY, "no true edge near", "")
     thin = evenly(series.t)
     ax.plot(series.distance[thin], 100 * series.error[thin], "o", color=GREEN, ms=2.0, mec="none")
-    _limits(ax, 100 * series.settled(settling).error, None if band is None else 100 * band)
+    _limits(ax, 100 * series.settled(SETTLING_M).error, None if band is None else 100 * band)
     ax.set_ylabel("detected edge\nerror [cm]")
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1, ncol=3)
@@ -228,7 +222,7 @@ def _limits(ax: Any, values: F64, band: float | None) -> None:
     ax.set_ylim(-reach, reach)
 
 
-def _shade(ax: Any, at: F64, where: NDArray[np.bool_], colour: str, label: str, hatch: str) -> None:
+def _shade(ax: Any, at: F64, where: Mask, colour: str, label: str, hatch: str) -> None:
     """Shade the stretches of `at` on which `where` holds."""
     change = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
     shown = False

@@ -15,23 +15,28 @@ from swath.core.files.whole_file import write_whole
 from swath.core.number_text import num
 from swath.field.memory_layout import Solids
 from swath.judge.catalogue import EvaluatorCatalogue
-from swath.judge.evaluation import Evaluation
-from swath.judge.evaluator import SETTLING_M
 from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
 from swath.judge.evaluators.unloading import Unloading, UnloadingSeries
 from swath.judge.windows import FIELD
 from swath.record.charts import path_of, shown_charts
 from swath.record.message_factory import RecordedMachine
-from swath.record.tracks import SHOWN_ROWS, Column
+from swath.record.tracks import SHOWN_ROWS, Column, Tracks
 from swath.report import page, plots
 from swath.report.field_plot import MapTrack, map_figure, silhouette
 from swath.report.flow import FlowSampler, flow_figure
 from swath.report.html import Figure
-from swath.report.scan_sampler import FieldMap, KeptScan, Sampler, ScanSampler, circles_of, make_map
+from swath.report.scan_sampler import (
+    FieldMap,
+    KeptScan,
+    Sampler,
+    ScanSampler,
+    circles_of,
+    make_map,
+    spread_evenly,
+)
 from swath.report.sent import sent
 from swath.runtime.hooks import ActiveRun, RunHook
-from swath.runtime.world import World
 from swath.scenario.defaults import default_lines
 from swath.scenario.scenario import Scenario
 from swath.signals import F64, OBSTACLE_KINDS, Image, Signal
@@ -117,15 +122,10 @@ class PictureSampler(Sampler):
 
 def _picked(camera: _Camera) -> list[KeptPicture]:
     pictures = camera.kept if camera.newest is camera.kept[-1] else [*camera.kept, camera.newest]
-    wanted = _spread(pictures, SHOWN)
+    wanted = spread_evenly(pictures, SHOWN)
     if np.isfinite(camera.nearest.nearest) and all(p is not camera.nearest for p in wanted):
-        wanted = [*_spread(pictures, SHOWN - 1), camera.nearest]
+        wanted = [*spread_evenly(pictures, SHOWN - 1), camera.nearest]
     return sorted(wanted, key=lambda picture: picture.image.t)
-
-
-def _spread(pictures: Sequence[KeptPicture], count: int) -> list[KeptPicture]:
-    places = np.round(np.linspace(0, len(pictures) - 1, min(count, len(pictures))))
-    return [pictures[i] for i in np.unique(places).astype(int).tolist()]
 
 
 def pictures_figure(pictures: Sequence[KeptPicture]) -> Any:
@@ -224,29 +224,24 @@ class ReportData:
     unloading: UnloadingSeries | None = None
 
 
-def collect(
-    summary: Mapping[str, Any],
-    world: World,
-    evaluation: Evaluation,
-    samplers: Mapping[str, ScanSampler],
-    tracks: Mapping[str, Mapping[str, Any]],
-    scenario: Scenario | None = None,
-    pictures: Mapping[str, PictureSampler] | None = None,
-    flows: Mapping[str, FlowSampler] | None = None,
-) -> ReportData:
-    """The data of a report after a run.
+@dataclass
+class Watched:
+    """What is kept of a machine on the way: scans, pictures and what went through it."""
 
-    samplers, tracks, pictures, flows: by machine; scenario: to print, or the world's
-    """
-    scenario = world.scenario if scenario is None else scenario
-    measured = summary.get("machines", {})
+    scans: ScanSampler
+    pictures: PictureSampler
+    flow: FlowSampler
+
+
+def collect(
+    summary: Mapping[str, Any], run: ActiveRun, watched: Mapping[str, Watched], scenario: Scenario
+) -> ReportData:
+    """The data of a report after a run. watched: by machine; scenario: to print."""
+    world, evaluation, measured = run.world, run.evaluation, summary.get("machines", {})
     machines = [
-        _machine(evaluation, samplers[name], own, measured.get(name, summary)) for name, own in tracks.items()
+        _machine(run, watched[name], tracks, measured.get(name, summary))
+        for name, tracks in run.recorder.tracks.items()
     ]
-    for own in machines:
-        if pictures is not None:
-            own.pictures = pictures[own.machine.name].pick()
-        own.flow = (flows or {}).get(own.machine.name)
     moved = [m for m in machines if len(m.tracks["t_s"])]
     unloading = evaluation.find(FIELD, Unloading)
     picture = None
@@ -269,12 +264,10 @@ def collect(
     )
 
 
-def _machine(
-    evaluation: Evaluation, sampler: ScanSampler, tracks: Mapping[str, Any], measured: Mapping[str, Any]
-) -> MachineReport:
-    machine, edge = sampler.machine, np.zeros((0, 2))
-    lateral = evaluation.find(machine.name, LateralError)
-    detection = evaluation.find(machine.name, EdgeDetection)
+def _machine(run: ActiveRun, kept: Watched, own: Tracks, measured: Mapping[str, Any]) -> MachineReport:
+    machine, edge, tracks = kept.scans.machine, np.zeros((0, 2)), own.arrays(most=SHOWN_ROWS)
+    lateral = run.evaluation.find(machine.name, LateralError)
+    detection = run.evaluation.find(machine.name, EdgeDetection)
     if len(tracks["t_s"]) and lateral is not None:
         path = path_of(tracks, *machine.geometry.header_end(machine.edge_side))
         edge = _edge_about(lateral.setup.edge, path, float(tracks["distance_m"][-1]) + 60.0)
@@ -283,8 +276,11 @@ def _machine(
         tracks,
         None if lateral is None or "lateral_rms_m" not in measured else lateral.series(SHOWN_ROWS),
         None if detection is None or "edge_rmse_m" not in measured else detection.series(SHOWN_ROWS),
-        {slot: sampler.pick(slot) for slot in sampler.scanners},
+        {slot: kept.scans.pick(slot) for slot in kept.scans.scanners},
         edge,
+        kept.pictures.pick(),
+        kept.flow,
+        own.columns,
     )
 
 
@@ -320,18 +316,17 @@ class ReportWriter(RunHook):
     def begin(self, run: ActiveRun) -> None:
         """Keep some scans of every machine on the way."""
         self._run = run
-        self._samplers, self._pictures, self._flows = {}, {}, {}
+        self._watched: dict[str, Watched] = {}
         for name, machine in run.evaluation.machines.items():
             detection = run.evaluation.find(name, EdgeDetection)
             assert detection is not None
             state = partial(run.world.graph.latest, f"{name}.motion", "state")
-            self._samplers[name] = ScanSampler(machine, partial(_true_offset, detection), state)
-            run.observers.insert(run.observers.index(run.recorder), self._samplers[name])
-            self._flows[name] = FlowSampler(machine)
-            run.observers.append(self._flows[name])
-            self._pictures[name] = PictureSampler(machine, state)
+            scans = ScanSampler(machine, partial(getattr, detection, "true_offset"), state)
+            kept = self._watched[name] = Watched(scans, PictureSampler(machine, state), FlowSampler(machine))
+            run.observers.insert(run.observers.index(run.recorder), kept.scans)
+            run.observers.append(kept.flow)
             if run.world.machines[name].slots_of("camera"):
-                run.observers.append(self._pictures[name])
+                run.observers.append(kept.pictures)
 
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write the page; an incomplete run gets none unasked, one without a folder has no place for it."""
@@ -339,15 +334,8 @@ class ReportWriter(RunHook):
         if summary["incomplete"] or run.out is None:
             return
         of = self._of or FinishedRun(run.out, summary, run.world.scenario)
-        tracks = {name: tracks.arrays(most=SHOWN_ROWS) for name, tracks in run.recorder.tracks.items()}
         told = _of_killed(summary, of.scenario) if of.summary is None else of.summary
-        data = collect(
-            told, run.world, run.evaluation, self._samplers, tracks, of.scenario, self._pictures,
-            self._flows,
-        )  # fmt: skip
-        for own in data.machines:
-            own.columns = run.recorder.tracks[own.machine.name].columns
-        write_report(of.folder, data)
+        write_report(of.folder, collect(told, run, self._watched, of.scenario))
 
 
 def _of_killed(played: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
@@ -355,10 +343,6 @@ def _of_killed(played: Mapping[str, Any], scenario: Scenario) -> dict[str, Any]:
     what = f"the run was killed: this is what its recording holds, {num(played['simulated_s'])} s"
     own = {"summary": scenario.summary, "incomplete": True, "digest": "", "notes": [what, *played["notes"]]}
     return {**played, **own}
-
-
-def _true_offset(detection: EdgeDetection) -> float:
-    return detection.true_offset
 
 
 def write_report(run_dir: Path, data: ReportData) -> Path:
@@ -463,7 +447,7 @@ def _errors(data: ReportData, own: MachineReport) -> Figure:
             is_ours = entry["subject"] == own.machine.name and entry["name"] == name
             if is_ours and "window" not in entry and "max" in entry["limit"]:
                 bands[part] = float(entry["limit"]["max"])
-    fig = plots.errors_figure(own.path, own.edges, settling=SETTLING_M, bands=bands)
+    fig = plots.errors_figure(own.path, own.edges, bands)
     caption = "Above: distance of the header end from its line along the initial edge."
     if own.edges is not None:
         caption += " Below: the detected edge against the true one, where the detector reports it."

@@ -2,21 +2,23 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from swath.core.blocks import Looker
 from swath.core.frames import Pose
+from swath.field.field import Field
 from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, Solids
 from swath.judge.evaluator import is_among
 from swath.record.message_factory import RecordedMachine
 from swath.signals import F64, CropEdge, MachineState, Scan, ScanTruth, Signal
 
 Ask = Callable[[], Any]
+Item = TypeVar("Item")
 SPACING_M = 2.0  # between kept scans at first; doubles whenever MOST are kept
 MOST = 48
-BAND = 64  # rows of a map that are looked up together
+COLUMNS, BAND = 1400, 64  # of the raster of a map; rows of it that are looked up together
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,12 @@ class KeptScan:
     hits: F64
     edge: CropEdge | None
     edge_true: float
+
+
+def spread_evenly(items: Sequence[Item], count: int) -> list[Item]:
+    """So many of some items, spread evenly; one alone is the last."""
+    places = np.linspace(len(items) - 1, 0, min(count, len(items)))
+    return [items[i] for i in np.unique(np.round(places)).astype(int).tolist()]
 
 
 @dataclass
@@ -104,10 +112,7 @@ class ScanSampler(Sampler):
         scanner = self._scanners.get(slot)
         if scanner is None or scanner.newest is None:
             return []
-        scans = [*scanner.kept, self._make(slot, scanner)]
-        places = np.linspace(len(scans) - 1, 0, min(count, len(scans)))  # one alone is the newest
-        picked = np.unique(np.round(places).astype(int))
-        return [scans[i] for i in picked]
+        return spread_evenly([*scanner.kept, self._make(slot, scanner)], count)
 
     def _see(self, slot: str, scanner: _Scanner, edge: CropEdge | None) -> None:
         if (state := self._state()) is None:
@@ -136,13 +141,6 @@ class ScanSampler(Sampler):
         )
 
 
-class Standing(Protocol):
-    """What the map asks of a field."""
-
-    def standing(self, x: Any, y: Any) -> Any:
-        """Whether crop stands at places."""
-
-
 @dataclass(frozen=True)
 class FieldMap:
     """The field seen from above, turned so that the run goes from left to right.
@@ -167,20 +165,18 @@ class FieldMap:
         return np.asarray(moved @ np.array([[c, -s], [s, c]]))
 
 
-def make_map(
-    ground: Standing, path: F64, *, also: F64 | None = None, margin: float = 14.0, columns: int = 1400
-) -> FieldMap:
+def make_map(ground: Field, path: F64, *, also: F64 | None = None, margin: float = 14.0) -> FieldMap:
     """Picture of the field around the path of the header's end, (n, 2) [m], from left to right.
 
     also: further points that must be on it, such as the paths of other ends, (m, 2) [m]
-    margin: of field shown on every side [m]; columns: of the raster
+    margin: of field shown on every side [m]
     """
     chord = path[-1] - path[0]
     turn = float(np.arctan2(chord[1], chord[0])) if np.hypot(*chord) > 1.0 else 0.0
     frame = FieldMap(path[0].copy(), turn, (0.0, 0.0, 0.0, 0.0), np.zeros((0, 0)), None)
     placed = frame.place(path if also is None else np.concatenate([path, also]))
     low, high = placed.min(axis=0) - margin, placed.max(axis=0) + margin
-    cell = max(0.05, (high[0] - low[0]) / columns)
+    cell = max(0.05, (high[0] - low[0]) / COLUMNS)
     u, v = np.arange(low[0] + cell / 2, high[0], cell), np.arange(low[1] + cell / 2, high[1], cell)
     has_straw = hasattr(ground, "pages") and ground.pages.table.size > 0
     standing = np.zeros((len(v), len(u)), bool)
@@ -217,13 +213,8 @@ def circles_of(solids: Solids) -> list[tuple[float, float, float]]:
     """x, y, radius [m] of obstacles as a map shows them; a box by its longer horizontal half side."""
     centres = np.concatenate([solids.box_centre, 0.5 * (solids.capsule_a + solids.capsule_b),
                               solids.ellipsoid_centre, solids.mesh_centre])  # fmt: skip
-    flat = [
-        np.abs(axes[:2] * half).max() for axes, half in zip(solids.box_axes, solids.box_half, strict=True)
-    ]
-    round_ = [
-        np.abs(axes[:2] * half).max()
-        for axes, half in zip(solids.ellipsoid_axes, solids.ellipsoid_half, strict=True)
-    ]
+    shapes = ((solids.box_axes, solids.box_half), (solids.ellipsoid_axes, solids.ellipsoid_half))
+    flat, round_ = ([np.abs(a[:2] * h).max() for a, h in zip(*of, strict=True)] for of in shapes)
     nets = [
         float(np.hypot(*(mesh.corners.reshape(-1, 3) @ axes.T)[:, :2].T).max())
         for mesh, axes in zip(solids.mesh_shape, solids.mesh_axes, strict=True)

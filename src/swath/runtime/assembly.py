@@ -22,7 +22,7 @@ from swath.core.abilities import (
     HasRange,
     NeedsRealTime,
 )
-from swath.core.asked import Asked, asking
+from swath.core.asked import Asked, asking, bare, made_of
 from swath.core.checked import CheckedOutput
 from swath.core.component import Port, State
 from swath.core.errors import InputError, SwathError, WiringError
@@ -50,12 +50,13 @@ from swath.runtime.field_setup import build_field
 from swath.runtime.field_state import begin_field
 from swath.runtime.kept import KeptFields
 from swath.runtime.scene import Walkers, scene_nodes
+from swath.runtime.unused import watched, watched_slot
 from swath.runtime.world import Machine, World
 from swath.scenario.machine_types import ORGANS
 from swath.scenario.resolved import MachineSection, SlotChoice
 from swath.scenario.scenario import Scenario, folder_of
-from swath.scenario.sections import StartPose
-from swath.scenario.slots import CATALOGUE, SLOTS, TRUTH, kind_of
+from swath.scenario.sections import StartAlongEdge, StartPose
+from swath.scenario.slots import CATALOGUE, PEER, SLOTS, TRUTH, kind_of
 from swath.signals import F64
 from swath.signals.setup import ControlSetup, LinkSetup, MachineGeometry
 
@@ -64,7 +65,8 @@ LOOK_AHEAD_M = 5.0  # the edge must go on this far beyond where the header ends 
 
 def edge_of(section: MachineSection, field: Field) -> EdgeShape:
     """The initial edge that a machine follows: the one it names, else the first of the field."""
-    name = section.common.field_edge
+    asks = section.has("header") or isinstance(section.start, StartAlongEdge)
+    name = (section.common if asks else bare(section.common)).field_edge
     if name is None:
         return field.first_edge
     if name not in field.edges:
@@ -172,7 +174,8 @@ def assemble(
 
 
 def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFields | None) -> World:
-    base = folder_of(scenario)
+    asked = Asked(is_of_parts=True)
+    scenario, base = watched(scenario, asked), folder_of(scenario)
     seed = scenario.field_seed
     is_cut = any(machine.has("header") for machine in scenario.machines.values())
     if fields is None:
@@ -184,7 +187,6 @@ def _assemble(scenario: Scenario, only: Collection[str] | None, fields: KeptFiel
     bodies.set_things(ground.things)
     sheets = {name: _sheet_of(section) for name, section in scenario.machines.items()}
     before_asking: list[Callable[[], None]] = []
-    asked = Asked(is_of_parts=True)
     site = _Site(ground.field, ground.obstacles, bodies, base, sheets, before_asking, asked, ground.origin)
     machines: dict[str, Machine] = {}
     nodes: list[Node] = []
@@ -338,6 +340,7 @@ def make_part(world: World, name: str, choice: SlotChoice) -> tuple[Any, dict[st
         world.asked[-1], machine.origin,
     )  # fmt: skip
     place = _Place(machine.section, machine.sheet, machine.edge, machine.start, machine.mountings, site)
+    choice = watched_slot(choice, name, site.asked)
     component = _make(place, slot, choice)
     return component, _node(machine.section, slot, choice, component, world.machines).wires
 
@@ -379,9 +382,10 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
     section, site = place.section, place.site
     period = from_hz(choice.common.rate_hz) * 1e-9
     mountings, height = _mountings(place, choice), site.field.seen_height
-    side, lines = section.common.edge_side, partial(read_line, site.origin)
+    side, lines = bare(section.common).edge_side, partial(read_line, site.origin)
     rows = site.field.library.row_spacing
-    control = ControlSetup(place.sheet, mountings, side, period, height, lines, rows)
+    told = ControlSetup(place.sheet, mountings, side, period, height, lines, rows)
+    control = made_of(told, section.common, {"edge_side": "edge_side"})
     if choice.found.is_link:
         fed = {port: source for port, (source, _) in choice.wires.items()}
         offered, gives = _offered(choice, section), choice.kind.outputs
@@ -392,7 +396,7 @@ def _setup(place: _Place, slot: str, choice: SlotChoice) -> Any:
         )
     if choice.kind.is_control and not choice.found.sees_truth:
         return control
-    return _site_setup(place, period, choice.common.peer)
+    return _site_setup(place, period, choice)
 
 
 def read_line(origin: Origin | None, file: str, index: int) -> F64:
@@ -409,13 +413,15 @@ def read_line(origin: Origin | None, file: str, index: int) -> F64:
     return origin.to_local(lines[index])
 
 
-def _site_setup(place: _Place, period: float, peer: str | None = None) -> SiteSetup:
+def _site_setup(place: _Place, period: float, choice: SlotChoice | None = None) -> SiteSetup:
     site, section = place.site, place.section
-    return SiteSetup(
+    common, own = section.common, None if choice is None else choice.common
+    hears = common if own is None or bare(own).peer is None else own  # what says the machine it works with
+    made = SiteSetup(
         field=site.field,
         machine=place.sheet,
         start=place.start,
-        edge_side=section.common.edge_side,
+        edge_side=bare(common).edge_side,
         period=period,
         name=section.name,
         obstacles=site.obstacles,
@@ -423,8 +429,10 @@ def _site_setup(place: _Place, period: float, peer: str | None = None) -> SiteSe
         base=site.base,
         origin=site.origin,
         edge=place.edge,
-        peer=site.sheets.get(peer or section.common.peer or ""),
+        peer=site.sheets.get(bare(hears).peer or ""),
     )
+    made = made_of(made, hears, {"peer": "peer"})
+    return made_of(made, common, {"edge_side": "edge_side", "edge": "field_edge"})
 
 
 def _mountings(place: _Place, choice: SlotChoice) -> dict[str, Pose]:
@@ -460,9 +468,8 @@ def _make(place: _Place, slot: str, choice: SlotChoice) -> Any:
     name = f"{place.section.name}.{slot}"
     try:
         really = displaced(choice) if choice.common.mount_error else choice
-        params = place.site.asked.watched(really.params, name)
         with asking(name):
-            component = dataclasses.replace(really, params=params).make(_setup(place, slot, choice))
+            component = really.make(_setup(place, slot, choice))
     except InputError as error:
         if error.file is not None:
             raise
@@ -512,6 +519,9 @@ def _node(
         return port in ports and (is_there or not ports[port].optional)
 
     wires = {port: wire for port, wire in choice.wires.items() if is_kept(port, *wire)}
+    own = choice.kind.wires
+    if any(port not in common.wires and own[port][0].startswith(PEER) for port in wires):
+        assert common.peer or section.common.peer  # asked for: it sends what these bring
     is_whole = len(section.slots) == len(section.present)
     for port, (source, output) in wires.items():
         is_absent = source not in present and is_whole

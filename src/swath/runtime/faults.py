@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+from swath.core.asked import replaced
 from swath.core.errors import InputError
 from swath.core.fault import Fault, FaultyOutput
 from swath.core.signal import quantities
@@ -30,7 +31,7 @@ def make_fault(choice: SlotChoice, component: Any) -> FaultyOutput | None:
         hold=said.hold_s,
         silent=said.silent_s,
         loss=said.loss_percent * PERCENT,
-        burst=said.burst_ms * MS,
+        burst=said.burst_ms * MS if said.loss_percent else 0.0,
         latency=said.latency_ms * MS,
     )
     return FaultyOutput(fault, component.outputs)
@@ -44,5 +45,5 @@ def displaced(choice: SlotChoice) -> SlotChoice:
     for key in error:
         if not isinstance(getattr(mount, key, None), float | int):
             raise InputError(f"mount_error.{key}", None, f"expected one of {', '.join(vars(mount))}")
-    moved = replace(mount, **{key: getattr(mount, key) + error[key] for key in error})
-    return replace(choice, params=replace(choice.params, mount=moved))
+    moved = replaced(mount, **{key: getattr(mount, key) + error[key] for key in error})
+    return replace(choice, params=replaced(choice.params, mount=moved))

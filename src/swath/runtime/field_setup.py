@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swath.core.asked import ALL, Asked, asking, telling
+from swath.core.asked import ALL, Asked, asking, made_of
 from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.field.crop_sheet import load_crop
@@ -29,11 +29,17 @@ from swath.field.terrain.dem import Dem
 from swath.field.terrain.dem import Params as DemParams
 from swath.field.weather import SiteWeather, Weather
 from swath.scenario.resolved import FieldSection, LevelChoice
+from swath.scenario.sections import SoilSection
 from swath.signals import F64
 
 if TYPE_CHECKING:
     from swath.field_io.folder import FieldFolder
 
+SOIL = {
+    "index": "cone_index_kpa", "raster": "file", "spots": "wet_spots", "has_ruts": "ruts",
+    "pass_exponent": "pass_exponent",
+}  # fmt: skip
+"""Field of `Soil` -> the key that it is made of."""
 FAR_M = (
     100_000.0  # no field is so far from the zero of its own metres: such a map counts from a zone's corner
 )
@@ -134,12 +140,10 @@ def _build(section: FieldSection, asked: Asked, stream: Stream, base: Path, *, i
 
 def _soil(section: FieldSection, asked: Asked, setup: FieldSetup) -> Soil | None:
     """Soil that asks for its keys when it is read."""
-    if (soil := make_soil(said := section.common.soil, setup)) is None:
+    said = section.common.soil
+    if said is None or (soil := make_soil(said, setup)) is None:
         return None
-    tells = asked.tells(said, "field.soil")
-    made_of = {"index": "cone_index_kpa", "raster": "file", "spots": "wet_spots", "has_ruts": "ruts"}
-    by = {key: field for field, key in made_of.items()}
-    return telling(soil, {by.get(key, key): tell for key, tell in tells.items()})
+    return made_of(soil, asked.watched(said, "field.soil", list(SoilSection.model_fields)), SOIL)
 
 
 def stated_origin(section: FieldSection) -> Origin | None:

@@ -78,6 +78,11 @@ def choose_run_folder(
     return out
 
 
+def folder_for(scenario: Any, out: Path | None, **more: Any) -> Path:
+    """The same for a run of a scenario."""
+    return choose_run_folder(scenario.name, scenario.seed, out, summary=scenario.summary, **more)
+
+
 def choose_scan_folder(
     name: str, seed: int, out: Path | None = None, *, of: str = "", replace: bool = False
 ) -> Path:

@@ -37,9 +37,9 @@ from swath.runtime.kept import KeptFields
 from swath.runtime.loop import Progress, drive, driven_m, has_arrived
 from swath.runtime.pacing import Pacer, make_pacer, paced
 from swath.runtime.saves import read_save, saved_before
+from swath.runtime.unused import unused
 from swath.runtime.world import ASKED_BY, World
 from swath.scenario.scenario import Scenario
-from swath.scenario.schema import described
 from swath.terminal.outcome import NOT_JUDGED, result_of
 
 
@@ -213,16 +213,6 @@ def unheard(world: World) -> list[str]:
     return [f"{slot}: no part takes these settings, level organs of process does" for slot in unread]
 
 
-def unasked(world: World) -> list[str]:
-    """Notes on keys that were set and that nothing uses, with what the docs say of them."""
-    about = {key: of for asked in world.asked for key, of in asked.about.items()}
-    return [
-        f"no part of this run uses {key}: {described(*about[key])}"
-        for key, parts in world.asked_by.items()
-        if not parts
-    ]
-
-
 def _grid(world: World) -> dict[str, Any]:
     """`map_grid`: how the world's axes lie on Earth, where its place there is known."""
     origin = next((m.origin for m in world.machines.values()), None)
@@ -279,7 +269,8 @@ class Running:
     ) -> None:
         self.world, self.out, self.pacer, self.hooks = world, out, pacer, hooks
         recorded = world.recorded(is_drawn=out is not None)
-        detail = "none" if out is None else world.scenario.run.record
+        record = world.scenario.run.record
+        detail = "none" if out is None else record
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)
@@ -390,7 +381,7 @@ class Running:
         )
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
-        notes += [*unheard(world), *unasked(world), *self.evaluation.notes()]
+        notes += [*unheard(world), *unused(world), *self.evaluation.notes()]
         if asked_by := world.asked_by:
             summary[ASKED_BY] = asked_by
         with through(scenario.gate):

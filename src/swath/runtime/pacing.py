@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from math import fsum
 from typing import Any, Protocol
 
+from swath.core.asked import bare
 from swath.core.errors import SwathError
 from swath.core.graph import Graph
 from swath.core.number_text import num
@@ -132,7 +133,9 @@ class Pacer:
     ) -> None:
         self._plan, self._costs, self._relieve, self._prepare = plan, costs, relieve, prepare
         self._clock = clock or WallClock(round(plan.spin_ms * MS))
-        self._tolerance, self._window = round(plan.tolerance_ms * MS), round(plan.window_s * NS)
+        self._tolerance, self._window, self._patience = round(plan.tolerance_ms * MS), 0, 0
+        if plan.on_overrun == "degrade":
+            self._window, self._patience = round(plan.window_s * NS), plan.patience
         self._origin: tuple[int, int] | None = None  # simulated and wall time [ns] that belong together
         self._grace_end = 0
         self._on_time, self._used = 0, dict(costs())  # wall time [ns] and costs when last on time
@@ -265,7 +268,7 @@ class Pacer:
         self._recent.append(t)
         while self._recent[0] <= t - self._window:
             self._recent.popleft()
-        if len(self._recent) < self._plan.patience:
+        if len(self._recent) < self._patience:
             return
         self._recent.clear()
         done = self._relieve(t)
@@ -280,6 +283,8 @@ class Relief:
     def __init__(self, world: World) -> None:
         self._world = world
         section = world.scenario.realtime
+        if section is not None and section.common.on_overrun != "degrade":
+            section = bare(section)
         self._left = deque(
             (name, choice, *make_part(world, name, choice))
             for name, choice in (section.cheaper if section is not None else ())

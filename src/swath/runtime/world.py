@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import Closes, CountsBeams, CountsRays, HasNotes, HasRange, KnowsErrors, OffersRates
-from swath.core.asked import ALL, Asked
+from swath.core.asked import ALL, Asked, bare
 from swath.core.frames import Pose
 from swath.core.graph import Graph
 from swath.core.number_text import num
@@ -75,7 +75,7 @@ class Machine:
     @property
     def edge_side(self) -> str:
         """`left` or `right`, the end of the header that follows the edge."""
-        return self.section.common.edge_side
+        return bare(self.section.common).edge_side
 
     @cached_property
     def header_kinematics(self) -> HeaderKinematics:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from swath.core.asked import unasked
 from swath.core.registry import Level
 from swath.documents.validation import adapter_of
 from swath.scenario.sections import (
@@ -39,6 +40,7 @@ class LevelChoice:
         """The component, or the field part, of this level."""
         return self.found.component(self.params, setup)
 
+    @unasked
     def plain(self) -> dict[str, Any]:
         """Give the keys as a file would have them."""
         return {"level": self.level, **_plain(self.params)}
@@ -57,6 +59,7 @@ class SlotChoice(LevelChoice):
     kind: SlotKind
     wires: Mapping[str, tuple[str, str]] = dataclasses.field(default_factory=dict)
 
+    @unasked
     def plain(self) -> dict[str, Any]:
         """Give the keys as a file would have them."""
         common = self.common.model_dump(mode="json", exclude_none=True)
@@ -90,6 +93,7 @@ class MachineSection:
         """True where it has a slot of a kind."""
         return any(choice.kind.name == kind for choice in self.slots.values())
 
+    @unasked
     def plain(self) -> dict[str, Any]:
         """Give the keys as a file would have them."""
         written: dict[str, Any] = {name: choice.plain() for name, choice in self.slots.items()}
@@ -121,6 +125,7 @@ class RealTimeSection:
     common: RealTime
     cheaper: tuple[tuple[str, SlotChoice], ...] = ()
 
+    @unasked
     def plain(self) -> dict[str, Any]:
         """Give the keys as a file would have them."""
         steps = [{"slot": s, "level": c.level, **_plain(c.params)} for s, c in self.cheaper]
@@ -145,6 +150,7 @@ class FieldSection:
     weather: Any = None
     common: FieldCommon = dataclasses.field(default_factory=FieldCommon)
 
+    @unasked
     def plain(self) -> dict[str, Any]:
         """Give the keys as a file would have them."""
         written = {

@@ -18,6 +18,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from swath.core.asked import unasked
 from swath.core.errors import InputError, absence_of, shortened
 from swath.core.foreign_code import Gate, NamesCode, file_of, is_allowed, present_gate
 from swath.documents.data_sheets import expected_name, find_sheet, sheet_names
@@ -79,6 +80,7 @@ class Scenario:
         text = html.escape(self.resolved())
         return f"<details><summary>{html.escape(repr(self))}</summary><pre>{text}</pre></details>"
 
+    @unasked
     def plain(self) -> dict[str, Any]:
         """Plain data with every default filled in and every path absolute."""
         return {
@@ -217,6 +219,7 @@ def find_scenario(source: str | Path) -> Path:
     raise InputError("scenario", str(source), what)
 
 
+@unasked
 def code_of(scenario: Scenario) -> list[Path]:
     """Files with code that a scenario names, without crop habits, which data sheets name."""
     references = [r for _, choice in _choices(scenario) for r in _named(choice)]

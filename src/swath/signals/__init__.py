@@ -7,8 +7,10 @@ field means stands in its declaration (`core/signal.py`) and, as tables, in docs
 from swath.core.signal import Signal as Signal
 from swath.signals.arrays import F32 as F32
 from swath.signals.arrays import F64 as F64
+from swath.signals.arrays import I64 as I64
 from swath.signals.arrays import U8 as U8
 from swath.signals.arrays import U16 as U16
+from swath.signals.arrays import Mask as Mask
 from swath.signals.commands import SpeedCommand as SpeedCommand
 from swath.signals.commands import SteerCommand as SteerCommand
 from swath.signals.cooperation import BoxSeen as BoxSeen

@@ -1,12 +1,17 @@
 """Options that commands share: which scenario, what is changed in it, where to write."""
 
 import argparse
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from swath.core.files.output_folder import held
 from swath.core.number_text import num
+
+Made = TypeVar("Made")
+Run = Callable[[argparse.Namespace], int]
 
 
 def option(
@@ -42,6 +47,24 @@ def option(
         text += f" (default {num(default)})" if isinstance(default, float) else f" (default {default})"
     added = parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
     vars(added)["unit"] = unit
+
+
+def verb(parsers: Any, name: str, text: str, run: Run, description: str | None = None) -> Any:
+    """The parser of a command, or of a verb of one, that does something. text: its line of help."""
+    parser = parsers.add_parser(name, help=text, description=description)
+    parser.set_defaults(run=run)
+    return parser
+
+
+def made_of(kind: type[Made], args: argparse.Namespace, names: Mapping[str, str] | None = None,
+            **values: Any) -> Made:  # fmt: skip
+    """A dataclass of the options that are called as its fields; one that is not given leaves the default.
+
+    names: of options that are called otherwise, by field; values: of fields, instead of an option
+    """
+    said = {f.name: vars(args).get((names or {}).get(f.name, f.name)) for f in fields(cast(Any, kind))}
+    given = {k: tuple(v) if isinstance(v, list) else v for k, v in said.items() if v is not None}
+    return kind(**{**given, **values})
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:

@@ -55,6 +55,12 @@ def print_outcome(summary: Mapping[str, Any], out: Path, evaluators: Sequence[st
     print(f"folder  {out}: {took}{num(size / 1e6, 'MB')}")
 
 
+def tell(result: Any, out: Path, *, quiet: bool, evaluators: Sequence[str] = ()) -> int:
+    """Print the outcome of a run, or its folder alone; returns its exit code."""
+    print(out) if quiet else print_outcome(result.summary, out, evaluators)
+    return int(result.exit_code)
+
+
 def result_of(entry: Mapping[str, Any]) -> str:
     """`pass`, `fail` or `not measured`; `not judged` where a limit rests on a level outside its range."""
     return NOT_JUDGED if entry.get("rests_outside") else str(entry["result"])

@@ -84,7 +84,7 @@ class ContactWatch:
 
     def end_reason(self, t: int) -> str:
         """The first contact, where contacts end the run."""
-        return self._reason if self.setup.contact_ends_run else ""
+        return self._reason if self._reason and self.setup.contact_ends_run else ""
 
     def _look(self, state: MachineState) -> None:
         bodies, nearest = self.setup.bodies, float("inf")

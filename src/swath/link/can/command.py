@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_sets, former, option
+from swath.terminal.options import add_sets, former, option, verb
 
 PLACE = "connect", 2  # among all commands
 
@@ -12,12 +12,11 @@ def add(parsers: Any) -> None:
     """Add the command and its parts."""
     parser = parsers.add_parser("can", help="a controller box on a CAN bus, a monitor of its messages")
     parts = parser.add_subparsers(metavar="PART", required=True)
-    box = parts.add_parser("box", help="run the controller box of a scenario", description=_BOX)
+    box = verb(parts, "box", "run the controller box of a scenario", run_box, _BOX)
     option(box, "scenario NAME|FILE", "scenario whose steering law runs in the box")
     add_sets(box)
     option(box, "--once", "end when the machine has switched off")
-    box.set_defaults(run=run_box)
-    listen = parts.add_parser("listen", help="print the messages on a bus")
+    listen = verb(parts, "listen", "print the messages on a bus", run_listen)
     for each in (box, listen):
         option(each, "--interface NAME", "interface of python-can, e.g. socketcan")
         option(each, "--channel NAME", "its channel, e.g. can0")
@@ -26,9 +25,7 @@ def add(parsers: Any) -> None:
     option(listen, "--duration-s S", "end after S seconds", type=float)
     option(listen, "--count N", "end after N frames", type=int)
     former(listen, duration_s="--for")
-    listen.set_defaults(run=run_listen)
-    dbc = parts.add_parser("dbc", help="print where the DBC file is")
-    dbc.set_defaults(run=run_dbc)
+    verb(parts, "dbc", "print where the DBC file is", run_dbc)
 
 
 def run_box(args: argparse.Namespace) -> int:

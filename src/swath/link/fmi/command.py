@@ -11,15 +11,14 @@ PLACE = "connect", 1  # among all commands
 
 def add(parsers: Any) -> None:
     """Add the command and its verbs."""
-    from swath.terminal.options import add_scenario_options, former, option
+    from swath.terminal.options import add_scenario_options, former, option, verb
 
     parser = parsers.add_parser("fmu", help="show, check and export FMUs")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    shows = verbs.add_parser("show", help="variables, units and capabilities of an FMU")
+    shows = verb(verbs, "show", "variables, units and capabilities of an FMU", run_show)
     option(shows, "file X.fmu", "an FMU, or a system of several (.ssp, .ssd)", type=Path)
     option(shows, "--all", "local variables, too")
-    shows.set_defaults(run=run_show)
-    checks = verbs.add_parser("check", help="run an FMU in a process of its own and say what was found")
+    checks = verb(verbs, "check", "run an FMU in a process of its own and say what was found", run_check)
     option(checks, "file X.fmu", "an FMU", type=Path)
     for flag, default, text in (
         ("--step-ms", 100.0, "communication step [ms]"),
@@ -27,9 +26,8 @@ def add(parsers: Any) -> None:
         ("--timeout-s", 10.0, "longest wait for an answer [s]"),
     ):
         checks.add_argument(flag, type=float, default=default, help=f"{text} (default {default:g})")
-    checks.set_defaults(run=run_check)
 
-    exports = verbs.add_parser("export", help="slots of a scenario as an FMU for other tools")
+    exports = verb(verbs, "export", "slots of a scenario as an FMU for other tools", run_export)
     option(exports, "scenario NAME|FILE", "bundled scenario, YAML file or run folder")
     option(exports, "--fmi N", "version of FMI: 3 (default) or 2", 3)
     slot = "combine.process, or process where there is one machine; may be given several times"
@@ -38,7 +36,6 @@ def add(parsers: Any) -> None:
     option(exports, "--parameter KEY", key, [], dest="parameters")
     add_scenario_options(exports)
     former(exports, parts="--part")
-    exports.set_defaults(run=run_export)
 
 
 def run_show(args: argparse.Namespace) -> int:

@@ -4,19 +4,18 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "connect", 3  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("osi", help="scans or radar detections of a run as an ASAM OSI trace")
+    parser = verb(parsers, "osi", "scans or radar detections of a run as an ASAM OSI trace", run)
     option(parser, "run_folder RUN", "a run folder", type=Path)
     option(parser, "--out X.osi", "file to write", type=Path, required=True)
     option(parser, "--type T", "sd = SensorData (default), sv = SensorView", "sd")
     option(parser, "--slot SLOT", "a scanner or radar (default: the first recorded)")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

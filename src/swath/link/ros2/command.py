@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_ros2_network, option
+from swath.terminal.options import add_ros2_network, option, verb
 
 PLACE = "connect", 0  # among all commands
 
@@ -13,15 +13,13 @@ def add(parsers: Any) -> None:
     """Add the command and its verb."""
     parser = parsers.add_parser("ros2", help="a recorded run as ROS 2 topics; swath's message types")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    play = verbs.add_parser("play", help="publish a recorded run at its pace", description=_DESCRIPTION)
+    play = verb(verbs, "play", "publish a recorded run at its pace", run_play, _DESCRIPTION)
     option(play, "source RUN", "a run folder, or its run.mcap", type=Path)
     option(play, "--factor X", "simulated seconds per second", 1.0)
     add_ros2_network(play)
-    play.set_defaults(run=run_play)
     text = "write swath_msgs, the package of swath's own message types, for colcon to build"
-    package = verbs.add_parser("package", help=text, description=text)
+    package = verb(verbs, "package", text, run_package, text)
     option(package, "--out DIR", "where to write (default: here)", Path())
-    package.set_defaults(run=run_package)
 
 
 def run_play(args: argparse.Namespace) -> int:

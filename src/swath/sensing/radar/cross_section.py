@@ -46,12 +46,11 @@ def _of_solids(solids: Solids, eye: F64, wavelength: float) -> float:
         square = max(float(product(away, away)) - along * along, 0.0) ** 0.5
         inside = length > 0.0 and 0.0 <= along <= length
         area += rod(float(r), length, square, wavelength) if inside else pi * r * r
-    rows = zip(solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True)
-    for centre, axes, half in rows:
+    for centre, axes, half in solids.ellipsoids:
         u = _unit(product(axes.T, eye - centre))
         below = float(product(half * half, u * u))
         area += pi * float(half[0] * half[1] * half[2]) ** 2 / below**2
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    for centre, axes, half in solids.boxes:
         area += silhouette(half, product(axes.T, eye - centre))
     return area
 

@@ -53,11 +53,9 @@ def facing(bodies: list[Body], eye: F64, reach: float) -> list[Facing]:
 def distances(solids: Solids, eye: F64, directions: F64) -> F64:
     """To the nearest surface from an eye (3,) outside along unit directions (n, 3) [m], inf where none is."""
     nearest = np.full(len(directions), np.inf)
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    for centre, axes, half in solids.boxes:
         nearest = np.minimum(nearest, _box(*_in_frame(centre, axes, eye, directions), half))
-    for centre, axes, half in zip(
-        solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
-    ):
+    for centre, axes, half in solids.ellipsoids:
         o, d = _in_frame(centre, axes, eye, directions)
         nearest = np.minimum(nearest, _ball(o / half, d / half, 1.0))
     if len(solids.capsule_radius):

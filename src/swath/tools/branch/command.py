@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets, option
+from swath.terminal.options import add_allow, add_replace, add_run_folder, add_sets, option, verb
 
 PLACE = "look", 3  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "branch", help="go back in a run, change something, continue from there", description=_DESCRIPTION
+    parser = verb(
+        parsers, "branch", "go back in a run, change something, continue from there", run, _DESCRIPTION
     )
     option(parser, "folder RUN", "a run folder", type=Path)
     option(parser, "--at-s S", "time of the change", type=float, required=True)
@@ -25,22 +25,18 @@ def add(parsers: Any) -> None:
     option(parser, "--save-every-s S", "as in swath run", type=float)
     option(parser, "--no-replay", "do not write replay.html")
     option(parser, "--quiet", "print nothing but the folder of the run")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`."""
     from swath.core.errors import InputError
-    from swath.runtime.folder import choose_run_folder, remove_empty
-    from swath.terminal.outcome import print_outcome
+    from swath.runtime.folder import folder_for, remove_empty
+    from swath.terminal.outcome import tell
     from swath.tools.branch.branch import pairs, plan_branch
 
     plan = plan_branch(args.folder, args.at_s, pairs(args.sets), args.allow)
     scenario = plan.scenario
-    out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, what="branch", summary=scenario.summary, events=plan.events,
-        replace=args.replace,
-    )  # fmt: skip
+    out = folder_for(scenario, args.out, what="branch", events=plan.events, replace=args.replace)
     if plan.has_unreadable:
         print("swath: saves of another version of swath, or damaged ones, are not read", file=sys.stderr)
     if not args.quiet:
@@ -54,11 +50,7 @@ def run(args: argparse.Namespace) -> int:
     except InputError as error:
         remove_empty(out)
         raise scenario.locate(error) from error
-    if args.quiet:
-        print(out)
-    else:
-        print_outcome(result.summary, out, scenario.evaluators)
-    return int(result.exit_code)
+    return tell(result, out, quiet=args.quiet, evaluators=scenario.evaluators)
 
 
 _DESCRIPTION = """Run a finished run again from one of its moments on, with something changed there, into a

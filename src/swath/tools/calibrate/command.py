@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 from swath.tools.calibrate.engine_command import add_engine
 
 PLACE = "measured", 2  # among all commands
@@ -15,7 +15,7 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("calibrate", help="fit a LiDAR table or a machine's engine to measurements")
     kinds = parser.add_subparsers(metavar="WHAT", required=True)
-    lidar = kinds.add_parser("lidar", help="the table of the LiDAR level empirical", description=_DESCRIPTION)
+    lidar = verb(kinds, "lidar", "the table of the LiDAR level empirical", run, _DESCRIPTION)
     option(lidar, "--out FILE.npz", "table to write, with a .yaml beside it", type=Path, required=True)
     option(
         lidar,
@@ -34,7 +34,6 @@ def add(parsers: Any) -> None:
     option(lidar, "--narrow", "only spots up to 90 mm and usual stands: a smaller table")
     option(lidar, "--quick", "a coarse design, for a first try")
     option(lidar, "--seed N", "seed", 1)
-    lidar.set_defaults(run=run)
     add_engine(kinds)
 
 

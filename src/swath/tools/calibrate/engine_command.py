@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from swath.core.files.whole_file import write_whole
 from swath.core.number_text import num, span
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 if TYPE_CHECKING:
     from swath.tools.calibrate.engine_fit import Prediction
@@ -19,7 +19,7 @@ over machines and stretches of 5 minutes."""
 
 def add_engine(kinds: Any) -> None:
     """Add `calibrate engine`."""
-    parser = kinds.add_parser("engine", help="engine, fuel and powers of a machine", description=_DESCRIPTION)
+    parser = verb(kinds, "engine", "engine, fuel and powers of a machine", run_engine_fit, _DESCRIPTION)
     option(parser, "model MODEL", "machine: bundled name or data sheet")
     option(parser, "log LOG", "CSV, zipped point shapefile, or ISOXML", type=Path)
     option(
@@ -33,7 +33,6 @@ def add_engine(kinds: Any) -> None:
     option(parser, "--seed", "seed of the bootstrap", 1)
     option(parser, "--columns MAP.yaml", "which column of the log is what", type=Path)
     option(parser, "--out SHEET.yaml", "write the data sheet as fitted", type=Path)
-    parser.set_defaults(run=run_engine_fit)
 
 
 def run_engine_fit(args: argparse.Namespace) -> int:

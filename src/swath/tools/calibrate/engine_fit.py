@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -23,19 +22,19 @@ from swath.core.units import rounded, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.logs.machine_log import MachineLog
 from swath.machine.machine_sheet import read_machine
+from swath.signals import F64, I64, Mask
 from swath.tools.compare_log.compare import (
     SHOWN,
-    STRETCH,
     Drive,
     Fitted,
     LogRunner,
     SeriesStatistics,
     compare_series,
+    starts_of,
+    stretches,
     usable,
 )
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 KEYS = ("engine.rated_power_kw", "engine.fuel_idle_g_s", "power.auxiliary_kw", "power.drum_kj_per_kg")
 ON = ("engine_load", "fuel")
 STEPS = 4  # of Gauss and Newton
@@ -137,7 +136,7 @@ def fit_engine(
     )
 
 
-def predictions(log: MachineLog, simulated: dict[str, Array]) -> tuple[Prediction, ...]:
+def predictions(log: MachineLog, simulated: dict[str, F64]) -> tuple[Prediction, ...]:
     """Predictions for every machine of the log, and for `all`. simulated: SI, shape (n,) each."""
     used = usable(log)
     masks = {f"machine {name}": used & (log.machine == k) for k, name in enumerate(log.machine_names)}
@@ -152,13 +151,12 @@ def predictions(log: MachineLog, simulated: dict[str, Array]) -> tuple[Predictio
     return tuple(made)
 
 
-def r2_range(log: MachineLog, mask: Mask, measured: Array, simulated: Array) -> tuple[float, float]:
+def r2_range(log: MachineLog, mask: Mask, measured: F64, simulated: F64) -> tuple[float, float]:
     """95 % interval of R2 over a bootstrap of the log's stretches: how much hangs on those driven."""
-    stretch = np.stack([log.machine[mask], np.floor(log.time[mask] / STRETCH)], axis=1)
-    _, index = np.unique(stretch, axis=0, return_inverse=True)
+    _, index = stretches(log, mask)
     real, left = measured[mask] - measured[mask].mean(), (simulated - measured)[mask]
     columns = (np.ones(len(real)), real, real**2, left**2)
-    sums = np.stack([np.bincount(index.ravel(), c) for c in columns], axis=1)
+    sums = np.stack([np.bincount(index, c) for c in columns], axis=1)
     drawn = Stream(0, "r2_range").at().integers(0, len(sums), (RESAMPLES, len(sums)))
     count, first, second, error = sums[drawn].sum(axis=1).T
     low, high = np.percentile(1.0 - error / np.maximum(second - first**2 / count, 1e-30), [2.5, 97.5])
@@ -169,17 +167,17 @@ def r2_range(log: MachineLog, mask: Mask, measured: Array, simulated: Array) -> 
 class _Sums:
     """Normal equations by stretch: square (stretches, k, k), right (stretches, k), machine (stretches,)."""
 
-    square: Array
-    right: Array
-    machine: NDArray[np.int64]
-    at: Array
+    square: F64
+    right: F64
+    machine: I64
+    at: F64
 
-    def solve(self, rows: NDArray[np.int64] | Mask, start: Array) -> Array:
+    def solve(self, rows: I64 | Mask, start: F64) -> F64:
         """The ratios that fit the stretches `rows` (mask or indices) best."""
         step = np.linalg.solve(self.square[rows].sum(axis=0), self.right[rows].sum(axis=0))
         return np.asarray(np.maximum(self.at + step, LEAST * np.ones_like(start)))
 
-    def bootstrap(self, start: Array, count: int, stream: Stream) -> Array:
+    def bootstrap(self, start: F64, count: int, stream: Stream) -> F64:
         """Standard deviation of the ratios over machines, and stretches of each, drawn with replacement."""
         rng = stream.at()
         own = [np.flatnonzero(self.machine == k) for k in np.unique(self.machine)]
@@ -197,22 +195,18 @@ class _Model:
     def __init__(self, sheet: Sheet, log: MachineLog, drive: Drive, keys: Sequence[str]) -> None:
         self._sheet, self._log, self._keys = sheet, log, keys
         self._runner = LogRunner(log, drive)
-        self.start = np.array([sheet.number(key) for key in keys])
-        if not (self.start > 0.0).all():
-            raise InputError(keys[int(np.argmin(self.start))], float(self.start.min()), "expected above 0")
+        self.start = starts_of(sheet, keys)
         self._used = np.flatnonzero(usable(log))
         self._spread = {q: float(np.std(log.measured[q][self._used])) or 1.0 for q in ON}
-        clock = np.floor(log.time[self._used] / STRETCH).astype(np.int64)
-        pairs = np.stack([log.machine[self._used], clock], axis=1)
-        known, self._stretch = np.unique(pairs, axis=0, return_inverse=True)
-        self._machine = known[:, 0]
+        known, self._stretch = stretches(log, self._used)
+        self._machine = known[:, 0].astype(np.int64)
 
-    def run(self, ratio: Array) -> dict[str, Array]:
+    def run(self, ratio: F64) -> dict[str, F64]:
         """The simulated series, SI."""
         values = dict(zip(self._keys, (self.start * ratio).tolist(), strict=True))
         return self._runner.run(read_machine(self._sheet.changed(values)))
 
-    def linearise(self, ratio: Array) -> _Sums:
+    def linearise(self, ratio: F64) -> _Sums:
         """Normal equations about `ratio`."""
         here = self._scaled(self.run(ratio))
         columns = []
@@ -231,12 +225,12 @@ class _Model:
             np.add.at(right, self._stretch, rows * rest[:, None])
         return _Sums(square, right, self._machine, ratio)
 
-    def _scaled(self, series: dict[str, Array]) -> Array:
+    def _scaled(self, series: dict[str, F64]) -> F64:
         """Both series on the records that count, over their spread, shape (2, records)."""
         return np.stack([series[q][self._used] / self._spread[q] for q in ON])
 
 
-def _joined(made: Sequence[dict[str, Array]], log: MachineLog) -> dict[str, Array]:
+def _joined(made: Sequence[dict[str, F64]], log: MachineLog) -> dict[str, F64]:
     """Each machine's records out of the run that was not fitted to it."""
     index = np.arange(len(log))
     return {q: np.stack([of[q] for of in made])[log.machine, index] for q in ON}

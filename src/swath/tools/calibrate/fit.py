@@ -14,17 +14,15 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.random import Stream
 from swath.core.units import DEG
 from swath.field.crop import Crop
 from swath.rays.spread import SHARE_MIN, SideSpread, Spread, SpreadTable, quantile_nodes
+from swath.signals import F64
 from swath.tools.calibrate.overhang import STEP
 from swath.tools.calibrate.stand_scans import LINE, VIEWS, EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import Agreement, compare
-
-F64 = NDArray[np.float64]
 
 HEIGHT = (0.3, 0.45, 0.6, 0.75, 0.9)  # relative heights at which beams begin in the crop
 TOP = 1.05  # from here on beams enter through the top
@@ -36,64 +34,6 @@ DEPRESSION = (8.0, 20.0)  # [deg]
 QUARTERS = (0.25, 0.5, 0.75)
 GROUND = 0.04  # lower returns are the ground's [m]
 NARROWEST, WIDEST = 0.3, 1.5  # factors are kept within
-
-
-def side_spread(
-    stands: SampleStands, echo: EchoSettings, stream: Stream, silhouette: F64, *, fine: float, lines: int
-) -> SideSpread:
-    """Factors on the spread for beams that enter a stand through its side.
-
-    They compare the distances of the lower and the upper quarter of log depth from its median, over
-    depressions
-    and densities: of early echoes in thin stands, where these decide whether a beam gets through, of late
-        ones
-    in dense stands. silhouette [m2]: of the stand as in `SpreadTable`, in steps of `fine`
-    """
-    crop = stands.crop.stand
-    begins = (*HEIGHT, ABOVE)
-    above = np.zeros((2, len(begins), len(SPOT)))
-    inside = np.zeros_like(above)
-    median: list[list[float]] = [[] for _ in SPOT]
-    for part, tells in zip(DENSITY, zip(*TELLS, strict=True), strict=True):
-        for degrees in DEPRESSION:
-            for m, spot in enumerate(SPOT):
-                place = Place(part * crop.density, crop.height, degrees * DEG, spot)
-                child = stream.child(f"{part:g} {degrees:g} {spot:g}")
-                quarters = np.array([_quarters(stands, place, z, lines, echo, child, silhouette, fine)
-                                     for z in begins])  # fmt: skip
-                step = np.diff(quarters, axis=1).T
-                known = np.isfinite(step) & np.isfinite(step[:, -1:]) & np.array(tells)[:, None]
-                above[:, :, m] += np.where(known, step[:, -1:], 0.0)
-                inside[:, :, m] += np.where(known, step, 0.0)
-                median[m] += [float(quarters[-1, 1])] if np.isfinite(quarters[-1, 1]) else []
-    factor = np.where(above > 0.0, inside / np.where(above > 0.0, above, 1.0), 1.0)
-    middle = [float(np.exp(np.mean(found))) if found else np.log(2.0) for found in median]
-    factor = np.clip(factor, NARROWEST, WIDEST)
-    return SideSpread(np.array([*HEIGHT, TOP]), np.array(SPOT), factor, np.array(middle))
-
-
-def _quarters(
-    stands: SampleStands,
-    place: Place,
-    relative: float,
-    lines: int,
-    echo: EchoSettings,
-    stream: Stream,
-    silhouette: F64,
-    fine: float,
-) -> F64:
-    """Quarters of the log depth at echoes of beams that begin at a relative height, (3,); nan: of ground."""
-    seen = stands.scan(place, lines, echo, stream.child(f"{relative:g}"), begin=relative)
-    height = seen.height[~np.isnan(seen.height)]
-    if not len(height):
-        return np.full(len(QUARTERS), np.nan)
-    nearest = int(np.argmin(np.abs(np.log(np.tan(np.array(VIEWS) * DEG) / np.tan(place.depression)))))
-    at = fine * np.arange(silhouette.shape[1])
-    area = np.interp(height / place.height, at, silhouette[nearest])
-    depth = area - np.interp(relative, at, silhouette[nearest])
-    depth = np.where(height < GROUND, np.inf, np.maximum(depth, 1e-6))
-    found = np.quantile(depth, QUARTERS, method="lower") * place.density / np.tan(place.depression)
-    return np.asarray(np.where(np.isfinite(found), np.log(found), np.nan))
 
 
 FINE, RELATIVE_MAX = 0.02, 1.6  # grid of the silhouette over relative height
@@ -188,62 +128,136 @@ class _Scans:
     seen: list[Returns]
 
 
+@dataclass(frozen=True)
+class Fitting:
+    """What a table is fitted by: stands, designs and an echo rule.
+
+    silhouette [m2]: of a plant of standing crop, see `SpreadTable`, in steps of FINE
+    """
+
+    stands: SampleStands
+    designs: Designs
+    echo: EchoSettings
+    stream: Stream
+    silhouette: F64
+    progress: Progress | None = None
+
+    @staticmethod
+    def of(stands: SampleStands, designs: Designs, echo: EchoSettings, stream: Stream,
+           progress: Progress | None) -> "Fitting":  # fmt: skip
+        """One by the silhouette of stands."""
+        silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
+        return Fitting(stands, designs, echo, stream, silhouette, progress)
+
+    def table(self, standing: Spread, **typical: Any) -> SpreadTable:
+        """The table of a grid of standing crop; stubble, sides and overhang are those of the level `plants`.
+
+        Stubble is of crop as high as its sheet says.
+        """
+        design, own = self.designs.stubble, self.stream.child("stubble")
+        cut = SampleStands(self.stands.crop, own.child("fit"), tile_count=design.tile_count, is_cut=True)
+        return SpreadTable(
+            standing,
+            replace(self, stands=cut, stream=own).scans(design).grid,
+            side=self.side_spread(self.stream.child("side")),
+            silhouette=self.silhouette,
+            view=VIEW,
+            fine=FINE,
+            aside=self.stands.overhang(self.stream.child("overhang")),
+            aside_step=STEP,
+            **typical,
+        )
+
+    def scans(self, design: Design) -> _Scans:
+        """What the stands show at the places of a design."""
+        stand, is_cut = self.stands.crop.stand, self.stands.is_cut
+        height = np.array(design.height) * (stand.stubble_height if is_cut else stand.height)
+        axes = (
+            np.array(design.density) * stand.density,
+            np.round(height, 2) if is_cut else height,  # stubble is cut to the centimetre
+            np.array(design.depression_deg) * DEG,
+            np.array(design.spot_mm) * 1e-3,
+        )
+        places = [Place(*(float(v) for v in values)) for values in product(*axes)]
+        seen: list[Returns] = []
+        for k, place in enumerate(places):
+            seen.append(self.stands.scan(place, design.lines, self.echo, self.stream.child(f"place{k}")))
+            if self.progress is not None:
+                self.progress(k + 1, len(places))
+        return _Scans(self.grid(axes, places, seen), places, seen)
+
+    def grid(self, axes: Sequence[F64], places: Sequence[Place], seen: Sequence[Returns]) -> Spread:
+        """What was seen at a full grid of places."""
+        shape, is_cut = tuple(len(a) for a in axes), self.stands.is_cut
+        full = self.stands.crop.stand.height
+        area = [_area(self.silhouette, place, place.height / full if is_cut else 0.0) for place in places]
+        if not is_cut:  # of crop of another height the same stems are longer or shorter
+            area = [a * place.height / full for a, place in zip(area, places, strict=True)]
+        density, tall, depression, spot = axes
+        cells = table_cells(places, seen, shape, area)
+        return Spread(density, tall, depression, spot, is_stubble=is_cut, **cells)
+
+    def side_spread(self, stream: Stream) -> SideSpread:
+        """Factors on the spread for beams that enter a stand through its side.
+
+        They compare the distances of the lower and the upper quarter of log depth from its median, over
+        depressions and densities: of early echoes in thin stands, where these decide whether a beam gets
+        through, of late ones in dense stands.
+        """
+        crop = self.stands.crop.stand
+        begins = (*HEIGHT, ABOVE)
+        above = np.zeros((2, len(begins), len(SPOT)))
+        inside = np.zeros_like(above)
+        median: list[list[float]] = [[] for _ in SPOT]
+        for part, tells in zip(DENSITY, zip(*TELLS, strict=True), strict=True):
+            for degrees in DEPRESSION:
+                for m, spot in enumerate(SPOT):
+                    place = Place(part * crop.density, crop.height, degrees * DEG, spot)
+                    child = stream.child(f"{part:g} {degrees:g} {spot:g}")
+                    quarters = np.array([self._quarters(place, z, child) for z in begins])
+                    step = np.diff(quarters, axis=1).T
+                    known = np.isfinite(step) & np.isfinite(step[:, -1:]) & np.array(tells)[:, None]
+                    above[:, :, m] += np.where(known, step[:, -1:], 0.0)
+                    inside[:, :, m] += np.where(known, step, 0.0)
+                    median[m] += [float(quarters[-1, 1])] if np.isfinite(quarters[-1, 1]) else []
+        factor = np.where(above > 0.0, inside / np.where(above > 0.0, above, 1.0), 1.0)
+        middle = [float(np.exp(np.mean(found))) if found else np.log(2.0) for found in median]
+        factor = np.clip(factor, NARROWEST, WIDEST)
+        return SideSpread(np.array([*HEIGHT, TOP]), np.array(SPOT), factor, np.array(middle))
+
+    def _quarters(self, place: Place, relative: float, stream: Stream) -> F64:
+        """Quarters of the log depth at echoes of beams that begin at a relative height, (3,); nan: ground."""
+        lines, child = self.designs.standing.lines, stream.child(f"{relative:g}")
+        seen = self.stands.scan(place, lines, self.echo, child, begin=relative)
+        height = seen.height[~np.isnan(seen.height)]
+        if not len(height):
+            return np.full(len(QUARTERS), np.nan)
+        nearest = int(np.argmin(np.abs(np.log(np.tan(VIEW) / np.tan(place.depression)))))
+        at = FINE * np.arange(self.silhouette.shape[1])
+        area = np.interp(height / place.height, at, self.silhouette[nearest])
+        depth = area - np.interp(relative, at, self.silhouette[nearest])
+        depth = np.where(height < GROUND, np.inf, np.maximum(depth, 1e-6))
+        found = np.quantile(depth, QUARTERS, method="lower") * place.density / np.tan(place.depression)
+        return np.asarray(np.where(np.isfinite(found), np.log(found), np.nan))
+
+
 def fit_plants(
     crop: Crop, designs: Designs, echo: EchoSettings, seed: int, *, progress: Progress | None = None
 ) -> tuple[SpreadTable, list[HeldOut]]:
     """Fit a table to the level `plants`; returns it and its agreement with other plants off the grid."""
     stream, design = Stream(seed, "calibrate"), designs.standing
     stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count)
-    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
-    standing = _scan_grid(stands, design, echo, stream, silhouette, progress)
+    fitting = Fitting.of(stands, designs, echo, stream, progress)
+    standing = fitting.scans(design)
     typical = {
         "cosine": _cosine(crop, standing.seen),
         "correlation": fit_correlation(standing.places, standing.seen),
     }
-    table = table_of(standing.grid, stands, designs, echo, stream, silhouette, progress, **typical)
+    table = fitting.table(standing.grid, **typical)
     held_out = hold_out(table.standing, crop, design, echo, stream, is_cut=False)
     return table, held_out + hold_out(
         table.stubble, crop, designs.stubble, echo, stream.child("stubble"), is_cut=True
     )
-
-
-def table_of(
-    standing: Spread,
-    stands: SampleStands,
-    designs: Designs,
-    echo: EchoSettings,
-    stream: Stream,
-    silhouette: F64,
-    progress: Progress | None,
-    **typical: Any,
-) -> SpreadTable:
-    """The table of a grid of standing crop; stubble, sides and overhang are those of the level `plants`."""
-    stubble, lines = stream.child("stubble"), designs.standing.lines
-    return SpreadTable(
-        standing,
-        fit_stubble(stands.crop, designs.stubble, echo, stubble, silhouette, progress=progress),
-        side=side_spread(stands, echo, stream.child("side"), silhouette, fine=FINE, lines=lines),
-        silhouette=silhouette,
-        view=VIEW,
-        fine=FINE,
-        aside=stands.overhang(stream.child("overhang")),
-        aside_step=STEP,
-        **typical,
-    )
-
-
-def fit_stubble(
-    crop: Crop,
-    design: Design,
-    echo: EchoSettings,
-    stream: Stream,
-    silhouette: F64,
-    *,
-    progress: Progress | None = None,
-) -> Spread:
-    """The grid of stubble, of crop as high as its sheet says; silhouette: of that crop, see `SpreadTable`."""
-    stands = SampleStands(crop, stream.child("fit"), tile_count=design.tile_count, is_cut=True)
-    return _scan_grid(stands, design, echo, stream, silhouette, progress).grid
 
 
 def hold_out(
@@ -256,49 +270,6 @@ def hold_out(
         returns = others.scan(place, 2 * design.lines, echo, stream.child(f"other{k}"))
         found.append(HeldOut(place, compare_place(grid, place, returns, stream.child(f"judge{k}")), is_cut))
     return found
-
-
-def _scan_grid(
-    stands: SampleStands,
-    design: Design,
-    echo: EchoSettings,
-    stream: Stream,
-    silhouette: F64,
-    progress: Progress | None,
-) -> _Scans:
-    stand = stands.crop.stand
-    height = np.array(design.height) * (stand.stubble_height if stands.is_cut else stand.height)
-    axes = (
-        np.array(design.density) * stand.density,
-        np.round(height, 2) if stands.is_cut else height,  # stubble is cut to the centimetre
-        np.array(design.depression_deg) * DEG,
-        np.array(design.spot_mm) * 1e-3,
-    )
-    places = [Place(*(float(v) for v in values)) for values in product(*axes)]
-    seen: list[Returns] = []
-    for k, place in enumerate(places):
-        seen.append(stands.scan(place, design.lines, echo, stream.child(f"place{k}")))
-        if progress is not None:
-            progress(k + 1, len(places))
-    return _Scans(make_grid(stands, axes, places, seen, silhouette), places, seen)
-
-
-def make_grid(
-    stands: SampleStands,
-    axes: Sequence[F64],
-    places: Sequence[Place],
-    seen: Sequence[Returns],
-    silhouette: F64,
-) -> Spread:
-    """What was seen at a full grid of places; silhouette: of `stands`, [m2]."""
-    shape = tuple(len(a) for a in axes)
-    full = stands.crop.stand.height
-    area = [_area(silhouette, place, place.height / full if stands.is_cut else 0.0) for place in places]
-    if not stands.is_cut:  # of crop of another height the same stems are longer or shorter
-        area = [a * place.height / full for a, place in zip(area, places, strict=True)]
-    density, tall, depression, spot = axes
-    cells = table_cells(places, seen, shape, area)
-    return Spread(density, tall, depression, spot, is_stubble=stands.is_cut, **cells)
 
 
 def _area(silhouette: F64, place: Place, top: float) -> float:

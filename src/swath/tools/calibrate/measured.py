@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
@@ -13,21 +12,11 @@ from swath.core.units import DEG
 from swath.documents.number_table import read_numbers
 from swath.field.crop import Crop
 from swath.rays.spread import SpreadTable
-from swath.tools.calibrate.fit import (
-    FINE,
-    RELATIVE_MAX,
-    Design,
-    Designs,
-    HeldOut,
-    Progress,
-    compare_place,
-    make_grid,
-    table_of,
-)
+from swath.signals import F64, I64
+from swath.tools.calibrate.fit import RELATIVE_MAX, Design, Designs, Fitting, HeldOut, Progress, compare_place
 from swath.tools.calibrate.stand_scans import EchoSettings, Place, Returns, SampleStands
 from swath.tools.distributions import GROUND_BELOW
 
-F64 = NDArray[np.float64]
 COLUMNS = ("stems_per_m2", "crop_height_m", "depression_deg", "spot_mm", "height_m")
 NODES_MOST = (8, 8, 8, 4)  # nodes of an axis at most; where more values occur they are gathered
 FEWEST = 50  # beams that make a cell
@@ -60,7 +49,6 @@ def fit_samples(
     echo: EchoSettings,
     seed: int,
     *,
-    ground_below: float = GROUND_BELOW,
     progress: Progress | None = None,
 ) -> tuple[SpreadTable, list[HeldOut]]:
     """A table from measured beams; every fifth beam is held out and compared, cell by cell.
@@ -81,17 +69,16 @@ def fit_samples(
     seen: list[Returns | None] = []
     for c, place in enumerate(places):
         mine = (cell == c) & is_fit
-        seen.append(_returns(relative[mine] * place.height, ground_below) if mine.sum() >= FEWEST else None)
+        seen.append(_returns(relative[mine] * place.height) if mine.sum() >= FEWEST else None)
     filled = _filled(places, seen)
     stands = SampleStands(crop, stream, tile_count=16)
-    silhouette = stands.silhouette(stream, relative_max=RELATIVE_MAX, fine=FINE)
-    grid, designs = make_grid(stands, axes, places, filled, silhouette), Designs(design, design)
-    table = table_of(grid, stands, designs, echo, stream, silhouette, progress, **TYPICAL)
+    fitting = Fitting.of(stands, Designs(design, design), echo, stream, progress)
+    table = fitting.table(fitting.grid(axes, places, filled), **TYPICAL)
     held_out = []
     for c, place in enumerate(places):
         mine = (cell == c) & ~is_fit
         if seen[c] is not None and mine.sum() >= FEWEST // EVERY:
-            returns = _returns(relative[mine] * place.height, ground_below)
+            returns = _returns(relative[mine] * place.height)
             found = compare_place(table.standing, place, returns, stream.child(f"judge{c}"))
             held_out.append(HeldOut(place, found))
     return table, held_out
@@ -116,15 +103,15 @@ def _nodes(values: F64, most: int) -> F64:
     return np.unique([float(np.median(p)) for p in parts])
 
 
-def _nearest(values: F64, nodes: F64) -> NDArray[np.int64]:
+def _nearest(values: F64, nodes: F64) -> I64:
     """Index of the node that is nearest in the logarithm."""
     middle = 0.5 * (np.log(nodes[1:]) + np.log(nodes[:-1]))
     return np.searchsorted(middle, np.log(values)).astype(np.int64)
 
 
-def _returns(height: F64, ground_below: float) -> Returns:
+def _returns(height: F64) -> Returns:
     line = height[None]
-    return Returns(line, line < ground_below, np.zeros_like(line), np.full_like(line, np.nan))
+    return Returns(line, line < GROUND_BELOW, np.zeros_like(line), np.full_like(line, np.nan))
 
 
 def _filled(places: list[Place], seen: list[Returns | None]) -> list[Returns]:

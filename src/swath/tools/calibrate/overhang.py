@@ -8,12 +8,11 @@ therefore told from the beam, along and across its heading, in proportion to the
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.field.memory_layout import Shape
 from swath.field.plants.parts import Plants
+from swath.signals import F64
 
-F64 = NDArray[np.float64]
 LEVELS, STEP = 25, 0.05  # of the relative height
 COUNT = 64  # places at a level, a power of two
 PIECES = 8  # of a primitive
@@ -29,31 +28,27 @@ def overhang(plants: Plants, crop_height: float) -> F64:
     sides, in the order of bit reversal, so that any few in a row span them all. A level where little is takes
     over the one below.
     """
-    place, seen = _pieces(plants)
+    made = [_seen(plants, math.pi * k / HEADINGS) for k in range(HEADINGS)]
+    place, seen = (np.concatenate(parts) for parts in zip(*made, strict=True))
     level = np.minimum((place[:, 2] / (crop_height * STEP)).astype(np.int64), LEVELS - 1)
     along, across = place[:, 0] / crop_height, place[:, 1] / crop_height
     rank = np.array([int(f"{k:0{COUNT.bit_length() - 1}b}"[::-1], 2) for k in range(COUNT)])
     side = (2 * rank + 1) / COUNT - 1.0
-    made = np.zeros((LEVELS, COUNT, 2))
+    found = np.zeros((LEVELS, COUNT, 2))
     for k in range(LEVELS):
         mine = np.flatnonzero((level == k) & (place[:, 2] >= 0.0))
         if len(mine) < FEWEST * HEADINGS:
-            made[k] = made[k - 1] if k else 0.0
+            found[k] = found[k - 1] if k else 0.0
             continue
         mine = mine[np.argsort(np.abs(across[mine]), kind="stable")]
         below = np.cumsum(seen[mine])
         at = mine[np.searchsorted(below, np.abs(side) * below[-1])]
-        made[k] = np.stack([along[at], np.sign(side) * np.abs(across[at])], axis=1)
-    return made
-
-
-def _pieces(plants: Plants) -> tuple[F64, F64]:
-    """Middles of pieces (n, 3) [m] in the beam's frame, and their silhouettes (n,) up to one factor."""
-    made = [_seen(plants, math.pi * k / HEADINGS) for k in range(HEADINGS)]
-    return np.concatenate([m[0] for m in made]), np.concatenate([m[1] for m in made])
+        found[k] = np.stack([along[at], np.sign(side) * np.abs(across[at])], axis=1)
+    return found
 
 
 def _seen(plants: Plants, heading: float) -> tuple[F64, F64]:
+    """Middles of pieces (n, 3) [m] in the beam's frame, and their silhouettes (n,) up to one factor."""
     c, s = math.cos(heading), math.sin(heading)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     span, width = (plants.b - plants.a) @ turn.T, plants.width @ turn.T

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.random import Stream
 from swath.core.units import DEG
@@ -21,10 +20,10 @@ from swath.rays.engine import RayCaster
 from swath.sensing.beam import Beam, Profile, spot_pattern, spots
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
+from swath.signals import F64, Mask
 from swath.tools.calibrate.overhang import overhang
 from swath.tools.level_stand import level_stand
 
-F64 = NDArray[np.float64]
 LINE = 24  # beams of a scan line
 GAPS = np.array([0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64])  # between neighbouring beams [m]
 HALF_AREA = 24.0  # beams enter the crop within this of the middle of the stand [m]
@@ -70,7 +69,7 @@ class Returns:
     """
 
     height: F64
-    is_ground: NDArray[np.bool_]
+    is_ground: Mask
     gap: F64
     albedo: F64
 
@@ -213,7 +212,7 @@ class SampleStands:
 
     def _area_above(
         self, density: float, degrees: float, edges: F64, rays: int, stream: Stream
-    ) -> tuple[F64, NDArray[np.bool_]]:
+    ) -> tuple[F64, Mask]:
         """What a plant stops above relative heights [m2], and where enough rays show it."""
         full = self.crop.stand.height
         place = Place(density, full, degrees * DEG, 1e-4)

@@ -5,8 +5,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import InputError, check_within
 from swath.core.number_text import num
-from swath.terminal.options import add_folder, option
+from swath.terminal.options import add_folder, made_of, option, verb
+from swath.terminal.tables import table
 from swath.tools.compare_scans import command as scans
 
 PLACE = "measured", 3  # among all commands
@@ -25,7 +27,7 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("compare", help="compare with what was measured")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    log = verbs.add_parser("log", help="a machine against a recorded log", description=_DESCRIPTION)
+    log = verb(verbs, "log", "a machine against a recorded log", run_log, _DESCRIPTION)
     option(log, "model MODEL", "machine: bundled name or data sheet")
     option(log, "log LOG", "CSV, zipped point shapefile, ISOXML, MF4, BLF or ASC", type=Path)
     help_ = "write picture, report, JSON, sheet and series"
@@ -62,13 +64,11 @@ def add(parsers: Any) -> None:
         metavar=("X", "Y"),
     )
     option(log, "--columns MAP.yaml", "which column of the log is what", type=Path)
-    log.set_defaults(run=run_log)
     scans.add(verbs)
 
 
 def run_log(args: argparse.Namespace) -> int:
     """Compare what the log holds: process and engine, or the steering."""
-    from swath.core.errors import check_within
     from swath.field_io.logs.columns import map_to_fill
     from swath.field_io.logs.steer_log import is_steer_log
 
@@ -83,17 +83,12 @@ def _run_process(args: argparse.Namespace) -> int:
     """Compare process and engine, print, write."""
     from rich.console import Console
 
-    from swath.core.errors import InputError
-    from swath.terminal.tables import table
     from swath.tools.compare_log.compare import Drive, compare_log
     from swath.tools.compare_log.page import statistic_rows, write_comparison
 
     if args.antenna is not None:
         raise InputError("--antenna", args.antenna, "expected a log with a steering angle")
-    drive = Drive(
-        args.process, args.engine, args.straw, args.whole_crop, args.load_over, args.friction / 100.0,
-        args.flow_floor,
-    )  # fmt: skip
+    drive = made_of(Drive, args, friction=args.friction / 100.0)
     with Console(stderr=True).status("reading the log") as status:
         made = compare_log(
             args.model, args.log, drive=drive, fit=args.fit, on=args.on or ["engine_load"],
@@ -113,7 +108,6 @@ def _tell(made: Any, notes: Sequence[str], out: Path | None, write: Callable[[An
     from rich.console import Console
 
     from swath.field_io.logs.columns import COLUMN_HEAD, column_rows
-    from swath.terminal.tables import table
 
     table("columns", COLUMN_HEAD, column_rows(made.log.column_map.summary()))
     console = Console(highlight=False)
@@ -132,8 +126,6 @@ def _run_steering(args: argparse.Namespace) -> int:
     """Fit steering and motion, print, write."""
     from rich.console import Console
 
-    from swath.core.errors import InputError
-    from swath.terminal.tables import table
     from swath.tools.compare_log.steering_fit import compare_steering
     from swath.tools.compare_log.steering_page import FITTED, fitted_rows, left_rows, write_steering
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
 from swath.core.frames import Pose
@@ -24,15 +23,12 @@ from swath.core.units import RPM, rounded, split_unit
 from swath.documents.data_sheets import Sheet
 from swath.field_io.logs.machine_log import MachineLog, read_machine_log
 from swath.judge.evaluators.drivetrain import DIESEL
-from swath.machine.drivetrain_sheet import Drivetrain, drivetrain_of
+from swath.machine.drivetrain_sheet import drivetrain_of
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
-from swath.signals import CropFlow, MachineLoad, MachineState
+from swath.signals import F64, I64, CropFlow, MachineLoad, MachineState, Mask
 from swath.tools.compare_log.no_field import site_of
 
-Array = NDArray[np.float64]
-
-Mask = NDArray[np.bool_]
 LEAST_SPEED = 0.5  # m/s
 SETTLE = 15.0  # s behind a gap, before the crop has come through
 LAGS = 15  # records to either side in which a lag is searched
@@ -72,7 +68,7 @@ def usable(log: MachineLog) -> Mask:
     return np.asarray(good)
 
 
-def compare_series(measured: Array, simulated: Array, mask: Mask, log: MachineLog) -> SeriesStatistics:
+def compare_series(measured: F64, simulated: F64, mask: Mask, log: MachineLog) -> SeriesStatistics:
     """Statistics of a series against the measured one on the records of a mask, shape (n,)."""
     real, made = measured[mask], simulated[mask]
     if len(real) < FEWEST:
@@ -91,7 +87,7 @@ def compare_series(measured: Array, simulated: Array, mask: Mask, log: MachineLo
 
 
 def statistics_of(
-    measured: Array, series: Mapping[str, Array], parts: Mapping[str, Mask], log: MachineLog
+    measured: F64, series: Mapping[str, F64], parts: Mapping[str, Mask], log: MachineLog
 ) -> dict[str, dict[str, SeriesStatistics]]:
     """Statistics by part and series."""
     return {
@@ -99,7 +95,7 @@ def statistics_of(
     }
 
 
-def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[float, float]:
+def best_lag(cause: F64, effect: F64, mask: Mask, log: MachineLog) -> tuple[float, float]:
     """(s, r): by how much `effect` is later than `cause` where they correlate best, and how well they do.
 
     Cross-correlation over whole records within unbroken stretches, the peak refined by a parabola.
@@ -123,10 +119,10 @@ def best_lag(cause: Array, effect: Array, mask: Mask, log: MachineLog) -> tuple[
 
 
 def regressions(
-    log: MachineLog, measured: Mapping[str, Array], mask: Mask
-) -> tuple[dict[str, dict[str, Array]], dict[str, dict[str, list[float]]]]:
+    log: MachineLog, measured: Mapping[str, F64], mask: Mask
+) -> tuple[dict[str, dict[str, F64]], dict[str, dict[str, list[float]]]]:
     """Series by quantity and name: regressions on flow and speed, fitted on the records of a mask."""
-    series: dict[str, dict[str, Array]] = {}
+    series: dict[str, dict[str, F64]] = {}
     coefficients: dict[str, dict[str, list[float]]] = {}
     for quantity, values in measured.items():
         lag, _ = best_lag(log.flow, values, mask, log)
@@ -140,19 +136,19 @@ def regressions(
     return series, coefficients
 
 
-def _correlation(a: Array, b: Array) -> float:
+def _correlation(a: F64, b: F64) -> float:
     if len(a) < FEWEST or a.std() < 1e-12 or b.std() < 1e-12:
         return float("nan")
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def _since_gap(log: MachineLog) -> Array:
+def _since_gap(log: MachineLog) -> F64:
     """Time since the last gap [s]."""
     run = np.cumsum(np.where(log.gap, 0.0, log.duration))
     return np.asarray(run - np.maximum.accumulate(np.where(log.gap, run, 0.0)))
 
 
-def _later(log: MachineLog, count: int) -> Array:
+def _later(log: MachineLog, count: int) -> F64:
     """The flow so many records before, that of the first record of a stretch where there is none."""
     index = np.arange(len(log))
     first = np.maximum.accumulate(np.where(log.gap, index, 0))
@@ -206,7 +202,7 @@ def run_process(machine: MachineSheet, log: MachineLog, drive: Drive) -> list[Ma
 
 def run_engine(
     machine: MachineSheet, log: MachineLog, drive: Drive, loads: list[MachineLoad]
-) -> dict[str, Array]:
+) -> dict[str, F64]:
     """engine_load (share), engine_speed [rad/s], fuel [m3/s] along the log, shape (n,) each.
 
     loads: of `run_process`. Each machine of the log has its own header's width; process and engine start anew
@@ -228,14 +224,10 @@ def run_engine(
         rows[i] = e.load, e.speed, e.power, e.fuel
     share, turning, power, fuel = rows.T
     if drive.load_over == "largest":
-        share = power / turning / _largest_torque(drivetrain)
+        of = drivetrain.engine
+        share = power / turning / ((1.0 + of.torque_rise) * of.rated_power / of.rated_speed)
     share = drive.friction + (1.0 - drive.friction) * share
     return {"engine_load": share, "engine_speed": turning, "fuel": fuel / (1e3 * DIESEL)}
-
-
-def _largest_torque(drivetrain: Drivetrain) -> float:
-    e = drivetrain.engine
-    return (1.0 + e.torque_rise) * e.rated_power / e.rated_speed
 
 
 def _width(log: MachineLog, machine: int, default: float) -> float:
@@ -303,9 +295,9 @@ class LogComparison:
     fitted: tuple[Fitted, ...]
     log: MachineLog
     parts: dict[str, Mask]
-    measured: dict[str, Array]
-    simulated: dict[str, Array]
-    plain: dict[str, dict[str, Array]]
+    measured: dict[str, F64]
+    simulated: dict[str, F64]
+    plain: dict[str, dict[str, F64]]
     coefficients: dict[str, dict[str, list[float]]]
     statistics: dict[str, dict[str, dict[str, SeriesStatistics]]]
     sheet: dict[str, Any]
@@ -418,7 +410,7 @@ class LogRunner:
         self._log, self._drive = log, drive
         self._loads: list[tuple[Any, list[MachineLoad]]] = []
 
-    def run(self, machine: MachineSheet) -> dict[str, Array]:
+    def run(self, machine: MachineSheet) -> dict[str, F64]:
         """The simulated series, SI."""
         drivetrain = drivetrain_of(machine)
         key = (drivetrain.transport, drivetrain.threshing, drivetrain.cleaning)
@@ -444,16 +436,14 @@ def _fit(
     """
     with Extra("geo", "fitting a model"):
         from scipy.optimize import least_squares
-    start = np.array([sheet.number(key) for key in keys])
-    if not (start > 0.0).all():
-        raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")
+    start = starts_of(sheet, keys)
     if mask.sum() < FEWEST:
         raise InputError("fit", int(mask.sum()), f"expected at least {FEWEST} records to fit on")
     part, inside = log.keep(span), mask[span]
     runner = LogRunner(part, drive)
     spread = {q: float(np.nanstd(part.measured[q][inside])) or 1.0 for q in on}
 
-    def residuals(ratio: Array) -> Array:
+    def residuals(ratio: F64) -> F64:
         try:
             machine = read_machine(sheet.changed(dict(zip(keys, start * ratio, strict=True))))
         except InputError:  # beyond what a data sheet may say
@@ -468,9 +458,7 @@ def _fit(
     if steady.any() and not steady.all():
         ratio[steady] = least_squares(lambda x: residuals(_put(ratio, steady, x)), ratio[steady], **limits).x
     found = least_squares(residuals, ratio, **limits)
-    at = np.stack([part.machine, np.floor(part.time / STRETCH)], axis=1)[inside]
-    stretch = np.unique(at, axis=0, return_inverse=True)[1].ravel()
-    doubt = _standard_errors(found.jac, found.fun, np.tile(stretch, len(on))) * start
+    doubt = _standard_errors(found.jac, found.fun, np.tile(stretches(part, inside)[1], len(on))) * start
     units = [split_unit(key)[1] for key in keys]
     rows = zip(keys, start, start * found.x, doubt, units, strict=True)
     best = sheet.changed(dict(zip(keys, start * found.x, strict=True)))
@@ -479,13 +467,28 @@ def _fit(
     )
 
 
-def _put(ratio: Array, where: Mask, values: Array) -> Array:
+def stretches(log: MachineLog, mask: Mask | I64) -> tuple[F64, I64]:
+    """Machine and number of each stretch, (k, 2), and which one some records belong to, (n,)."""
+    at = np.stack([log.machine[mask], np.floor(log.time[mask] / STRETCH)], axis=1)
+    known, index = np.unique(at, axis=0, return_inverse=True)
+    return known, index.ravel()
+
+
+def starts_of(sheet: Sheet, keys: Sequence[str]) -> F64:
+    """The numbers of a sheet that a fit starts from. InputError for one that is not above 0."""
+    start = np.array([sheet.number(key) for key in keys])
+    if not (start > 0.0).all():
+        raise InputError(keys[int(np.argmin(start))], float(start.min()), "expected a start above 0")
+    return start
+
+
+def _put(ratio: F64, where: Mask, values: F64) -> F64:
     made = ratio.copy()
     made[where] = values
     return made
 
 
-def _standard_errors(jacobian: Array, residual: Array, stretch: NDArray[np.int64]) -> Array:
+def _standard_errors(jacobian: F64, residual: F64, stretch: I64) -> F64:
     """Standard errors by how far stretches of the log, each alike in itself, differ; nan of one stretch."""
     pull = np.stack([np.bincount(stretch, column * residual) for column in jacobian.T])
     inverse, count = np.linalg.pinv(jacobian.T @ jacobian), pull.shape[1]

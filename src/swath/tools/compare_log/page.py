@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.files.place import remove
 from swath.core.files.whole_file import new_file, write_whole
@@ -14,9 +13,9 @@ from swath.documents.json_file import write_json
 from swath.documents.yaml_document import dump
 from swath.report.html import Figure, Items, Section, Table, write_page
 from swath.report.plots import GREY, ORANGE, as_image, figure, styled, write_picture
+from swath.signals import F64, Mask
 from swath.tools.compare_log.compare import SHOWN, LogComparison
 
-Mask = NDArray[np.bool_]
 LABELS = {"engine_load": "engine load", "engine_speed": "engine speed", "fuel": "fuel"}
 WINDOW = 600  # records of the excerpt
 
@@ -110,7 +109,7 @@ def _series(ax: Any, made: LogComparison, quantity: str, span: slice, part: str,
         ax.legend(ncol=2, loc="upper right", bbox_to_anchor=(1.0, 1.16))
 
 
-def _limits(*series: NDArray[np.float64]) -> tuple[float, float]:
+def _limits(*series: F64) -> tuple[float, float]:
     low = min(float(np.percentile(s, 0.3)) for s in series)
     high = max(float(np.percentile(s, 99.7)) for s in series)
     pad = 0.04 * max(high - low, 1e-9)

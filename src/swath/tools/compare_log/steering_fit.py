@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
 from swath.core.number_text import num
@@ -29,12 +28,9 @@ from swath.field_io.logs.steer_log import SteerLog, read_steer_log
 from swath.judge.evaluator import rms
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine
 from swath.scenario.slots import REGISTRY
-from swath.signals import SpeedCommand, SteerCommand, SteerState
+from swath.signals import F64, I64, Mask, SpeedCommand, SteerCommand, SteerState
 from swath.tools.compare_log.no_field import site_of
 
-Array = NDArray[np.float64]
-
-Mask = NDArray[np.bool_]
 SETTLE = 3.0  # s: a stretch starts with wheels straight and tyres without slip, as the machine did not
 WINDOW = 10.0  # s: positions are compared over such times, place and heading at their start left free
 COARSEST = 0.05  # s between the steps of the motion
@@ -45,13 +41,13 @@ FINEST = 0.025  # s between the parts of a command that goes in a straight line 
 class PathAlong:
     """Where the machine went on level ground: yaw_rate [rad/s], x, y of its fixed axle [m], yaw [rad]."""
 
-    yaw_rate: Array
-    x: Array
-    y: Array
-    yaw: Array
+    yaw_rate: F64
+    x: F64
+    y: F64
+    yaw: F64
 
 
-def run_steering(machine: MachineSheet, log: SteerLog, *, lines: bool = False) -> Array:
+def run_steering(machine: MachineSheet, log: SteerLog, *, lines: bool = False) -> F64:
     """Angle of the steered axle [rad] at every record, shape (n,), by the level `actuator`.
 
     A command holds from its record to the next one, or goes there in a straight line (`lines`).
@@ -76,7 +72,7 @@ def run_steering(machine: MachineSheet, log: SteerLog, *, lines: bool = False) -
     return angle
 
 
-def run_motion(machine: MachineSheet, log: SteerLog, angle: Array) -> PathAlong:
+def run_motion(machine: MachineSheet, log: SteerLog, angle: F64) -> PathAlong:
     """What the level `single_track` makes of a steering angle [rad], shape (n,), at the logged speed.
 
     Between records angle and speed go in straight lines.
@@ -115,7 +111,7 @@ def settled(log: SteerLog) -> Mask:
     return np.asarray(log.time - start >= SETTLE)
 
 
-def windows(log: SteerLog) -> NDArray[np.int64]:
+def windows(log: SteerLog) -> I64:
     """Number of the window over which positions are compared, shape (n,), -1 = not compared.
 
     Windows lie within one stretch and one block.
@@ -132,7 +128,7 @@ def windows(log: SteerLog) -> NDArray[np.int64]:
     return number
 
 
-def off_the_track(path: PathAlong, log: SteerLog, window: NDArray[np.int64], antenna: Any) -> Array:
+def off_the_track(path: PathAlong, log: SteerLog, window: I64, antenna: Any) -> F64:
     """Simulated minus measured position of the antenna [m] in each window, shape (n, 2); 0 outside of them.
 
     Each window is moved and turned onto what was measured, by least squares (Umeyama 1991,
@@ -153,7 +149,7 @@ def off_the_track(path: PathAlong, log: SteerLog, window: NDArray[np.int64], ant
     return error
 
 
-def _rows_of(window: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def _rows_of(window: I64) -> list[I64]:
     order = np.argsort(window, kind="stable")
     order = order[window[order] >= 0]
     return np.split(order, np.flatnonzero(np.diff(window[order])) + 1) if len(order) else []
@@ -175,7 +171,7 @@ class Free:
     """A number that may be fitted: limits and step for its derivative in the unit of the sheet.
 
     known: standard error of a sheet's number where the log does not tell it, estimated
-    keys: of the sheet that go in proportion with it, itself first
+    along: keys of the sheet that go in proportion with it
     default: where the sheet has none
     absent: the limit, +1 the upper or -1 the lower one, that means that the machine has no such effect
     """
@@ -184,35 +180,23 @@ class Free:
     high: float
     step: float
     known: float
-    keys: tuple[str, ...]
+    along: tuple[str, ...] = ()
     default: float | None = None
     absent: int = 0
 
 
-def _free(
-    key: str,
-    low: float,
-    high: float,
-    step: float,
-    known: float,
-    default: float | None = None,
-    absent: int = 0,
-) -> tuple[str, Free]:
-    return key, Free(low, high, step, known, (key,), default, absent)
-
-
-STEERING = dict([
-    _free("steering.dead_time_s", 0.0, 2.0, 0.01, 0.03),
-    _free("steering.lag_s", 0.01, 3.0, 0.01, 0.05),
-    _free("steering.rate_deg_s", 1.0, 100.0, 0.3, 4.0, absent=1),
-    _free("steering.dead_band_percent", 0.0, 30.0, 0.2, 2.0),
-])  # fmt: skip
-MOTION = dict([
-    _free("tyres.understeer_deg_per_g", -8.0, 8.0, 0.1, 2.0, default=0.0),
-    (RELAXATION[0], Free(0.05, 5.0, 0.05, 0.3, RELAXATION, absent=-1)),
-    _free("tyres.stiffness_per_rad", 0.5, 10.0, 0.1, 1.0, absent=1),  # so stiff allows an understeer of 8
-    _free("chassis.wheelbase_m", 0.5, 20.0, 0.02, 0.1),
-])  # fmt: skip
+STEERING = {
+    "steering.dead_time_s": Free(0.0, 2.0, 0.01, 0.03),
+    "steering.lag_s": Free(0.01, 3.0, 0.01, 0.05),
+    "steering.rate_deg_s": Free(1.0, 100.0, 0.3, 4.0, absent=1),
+    "steering.dead_band_percent": Free(0.0, 30.0, 0.2, 2.0),
+}
+MOTION = {
+    "tyres.understeer_deg_per_g": Free(-8.0, 8.0, 0.1, 2.0, default=0.0),
+    RELAXATION[0]: Free(0.05, 5.0, 0.05, 0.3, along=RELAXATION[1:], absent=-1),
+    "tyres.stiffness_per_rad": Free(0.5, 10.0, 0.1, 1.0, absent=1),  # so stiff allows an understeer of 8
+    "chassis.wheelbase_m": Free(0.5, 20.0, 0.02, 0.1),
+}
 USUAL = {
     "steering": ("steering.dead_time_s", "steering.lag_s", "steering.rate_deg_s"),
     "motion": ("tyres.understeer_deg_per_g", "tyres.front_relaxation_m"),
@@ -252,9 +236,9 @@ class PartFit:
     block_count: int
     rmse: tuple[float, float, float]
     notes: tuple[str, ...]
-    measured: Array
-    before: Array
-    after: Array
+    measured: F64
+    before: F64
+    after: F64
 
 
 def fit_steering(
@@ -267,7 +251,7 @@ def fit_steering(
     counts = settled(log)
 
     def fitted(lines: bool) -> tuple[Sheet, PartFit]:
-        def series(machine: MachineSheet, offset: float) -> Array:
+        def series(machine: MachineSheet, offset: float) -> F64:
             return run_steering(machine, log, lines=lines) / DEG + offset
 
         part = _Part("steering", "steering angle", "deg", log, counts, log.angle / DEG, series)
@@ -290,7 +274,7 @@ def fit_motion(
     """Understeer and relaxation of the tyres by angles and yaw rates, or positions (`on` = place)."""
     if on == "yaw_rate":
 
-        def rates(machine: MachineSheet, offset: float) -> Array:
+        def rates(machine: MachineSheet, offset: float) -> F64:
             return run_motion(machine, log, log.angle - offset * DEG).yaw_rate / DEG
 
         counts = settled(log) & np.isfinite(log.yaw_rate)
@@ -298,7 +282,7 @@ def fit_motion(
     else:
         window = windows(log)
 
-        def errors(machine: MachineSheet, offset: float) -> Array:
+        def errors(machine: MachineSheet, offset: float) -> F64:
             path = run_motion(machine, log, log.angle - offset * DEG)
             return 100.0 * off_the_track(path, log, window, antenna)
 
@@ -311,8 +295,8 @@ class _Part:
     """What is fitted: a series of the model against the measured one, (n,) or (n, 2)."""
 
     def __init__(
-        self, name: str, quantity: str, unit: str, log: SteerLog, counts: NDArray[np.bool_], measured: Array,
-        series: Callable[[MachineSheet, float], Array],
+        self, name: str, quantity: str, unit: str, log: SteerLog, counts: Mask, measured: F64,
+        series: Callable[[MachineSheet, float], F64],
     ) -> None:  # fmt: skip
         self.name, self._quantity, self._unit = name, quantity, unit
         self._measured, self._series, self._counts = measured, series, counts
@@ -337,11 +321,11 @@ class _Part:
         """
         names = [*table, OFFSET]
         start = np.array([*(_number(sheet, k, f) for k, f in table.items()), 0.0])
-        low, high = np.array([*(_limits(sheet, f) for f in table.values()), (-5.0, 5.0)]).T
+        low, high = np.array([*(_limits(sheet, k, f) for k, f in table.items()), (-5.0, 5.0)]).T
         low, high = np.minimum(low, start), np.maximum(high, start)
         step, known = np.array([*((f.step, f.known) for f in table.values()), (0.02, 0.0)]).T
 
-        def residual(values: Array) -> Array:
+        def residual(values: F64) -> F64:
             made = self._series(read_machine(_changed(sheet, table, values)), float(values[-1]))
             return np.asarray((made - self._measured)[self._counts].reshape(-1))
 
@@ -420,7 +404,7 @@ class _Part:
             self.name, self._quantity, self._unit, tuple(rows), self._count, rmse, tuple(notes), *series
         )  # fmt: skip
 
-    def _look(self, search: "_Search", at: Array, free: Mask, known: Array) -> "_Look":
+    def _look(self, search: "_Search", at: F64, free: Mask, known: F64) -> "_Look":
         """How well the log tells each value, and whether it contradicts those that are held.
 
         What is held is off by `known`, or by what its test would miss; that moves the fitted values.
@@ -444,7 +428,7 @@ class _Part:
                 square[inside] += (min(known[i], self._wide * error) * shift) ** 2
         return _Look(spread, np.sqrt(square), evidence, predicted)
 
-    def _may_be_absent(self, search: "_Search", at: Array, i: int, side: int) -> bool:
+    def _may_be_absent(self, search: "_Search", at: F64, i: int, side: int) -> bool:
         """Whether the log is as likely without an effect, at the limit on that side, all else free."""
         without, others = at.copy(), np.ones(len(at), bool)
         without[i], others[i] = (search.high if side > 0 else search.low)[i], False
@@ -455,12 +439,12 @@ class _Part:
     def _wide(self) -> float:
         return float(_scipy()[1].ppf(0.5 + 0.5 * CONFIDENCE, self._count - 1))
 
-    def _is_worse(self, left: Array, than: Array) -> bool:
+    def _is_worse(self, left: F64, than: F64) -> bool:
         """Whether squares of one fit exceed those of another, by Student's t over the passes."""
         more = np.bincount(self._block, left**2 - than**2)
         return float(more.mean()) > self._wide * float(more.std(ddof=1)) / sqrt(self._count)
 
-    def _bounds(self, search: "_Search", at: Array, look: "_Look", start: Array, beyond: Mask) -> Array:
+    def _bounds(self, search: "_Search", at: F64, look: "_Look", start: F64, beyond: Mask) -> F64:
         """Ends of the intervals, shape (2, n); of a value `beyond`: where the log begins to bound it."""
         bounds = np.array([at - self._wide * look.error, at + self._wide * look.error])
         bounds[0] = np.where(search.low == 0.0, np.maximum(bounds[0], 0.0), bounds[0])
@@ -474,7 +458,7 @@ class _Part:
             bounds[:, i] = (bad, np.inf) if at[i] > start[i] else (-np.inf, bad)
         return bounds
 
-    def _bootstrap(self, jacobian: Array, residuals: Array) -> tuple[Array, Array, Array]:
+    def _bootstrap(self, jacobian: F64, residuals: F64) -> tuple[F64, F64, F64]:
         """Standard deviation of each value over blocks, its step, residuals of each block by the others."""
         width = jacobian.shape[1]
         square, slope = np.zeros((self._count, width, width)), np.zeros((self._count, width))
@@ -484,7 +468,7 @@ class _Part:
         scale = np.sqrt(np.maximum(np.diagonal(square.sum(axis=0)), LEAST_EFFECT**2))
         ridge = 1e-9 * np.diag(scale**2)
 
-        def move(weight: Array) -> Array:
+        def move(weight: F64) -> F64:
             left = np.tensordot(weight, square, 1) + ridge
             return np.asarray(-np.linalg.solve(left, np.tensordot(weight, slope, 1)))
 
@@ -503,7 +487,7 @@ class _Part:
         error = np.where(scale > LEAST_EFFECT, error, np.inf)
         return error, move(np.ones(self._count)), predicted
 
-    def _shown(self, residuals: Array) -> Array:
+    def _shown(self, residuals: F64) -> F64:
         """Measured plus residual as a series of the log, of positions the distance; nan where none counts."""
         made = np.full(len(self._counts), np.nan)
         if self._measured.ndim == 1:
@@ -522,10 +506,10 @@ class _Look:
     predicted: residuals of each block by the others
     """
 
-    alone: Array
-    error: Array
-    evidence: Array
-    predicted: Array
+    alone: F64
+    error: F64
+    evidence: F64
+    predicted: F64
 
 
 @dataclass(frozen=True)
@@ -535,19 +519,19 @@ class _Search:
     The model is smooth on that scale only.
     """
 
-    residual: Callable[[Array], Array]
-    low: Array
-    high: Array
-    step: Array
+    residual: Callable[[F64], F64]
+    low: F64
+    high: F64
+    step: F64
 
-    def on_limit(self, at: Array) -> Mask:
+    def on_limit(self, at: F64) -> Mask:
         near = ON_LIMIT * self.step
         return np.asarray((at <= self.low + near) | (at >= self.high - near))
 
-    def solved(self, at: Array, free: Mask) -> Array:
+    def solved(self, at: F64, free: Mask) -> F64:
         """The values with the best of the free ones; one on a limit lies there exactly."""
 
-        def whole(part: Array) -> Array:
+        def whole(part: F64) -> F64:
             made = at.copy()
             made[free] = part
             return made
@@ -561,7 +545,7 @@ class _Search:
         ends = np.where(2.0 * found < self.low + self.high, self.low, self.high)
         return np.where(free & self.on_limit(found), ends, found)
 
-    def jacobian(self, at: Array, which: Mask) -> Array:
+    def jacobian(self, at: F64, which: Mask) -> F64:
         """Central differences, one-sided at a limit."""
         columns = []
         for i in np.flatnonzero(which):
@@ -572,7 +556,7 @@ class _Search:
         return np.stack(columns, axis=1)
 
 
-def _limit_note(key: str, value: float, bounds: Array) -> str:
+def _limit_note(key: str, value: float, bounds: F64) -> str:
     if np.isfinite(bounds).all():
         return f"{key}: on its limit of {num(value)}; the log says at most {num(bounds[1])}"
     side, bound = ("most", bounds[1]) if np.isfinite(bounds[1]) else ("least", bounds[0])
@@ -588,18 +572,18 @@ def _number(sheet: Sheet, key: str, free: Free) -> float:
         return free.default
 
 
-def _limits(sheet: Sheet, free: Free) -> tuple[float, float]:
+def _limits(sheet: Sheet, key: str, free: Free) -> tuple[float, float]:
     """Limits of a value within which the keys that go along keep theirs, too."""
-    along = [sheet.number(k) / sheet.number(free.keys[0]) for k in free.keys[1:]]
+    along = [sheet.number(k) / sheet.number(key) for k in free.along]
     return free.low / min([1.0, *along]), free.high / max([1.0, *along])
 
 
-def _changed(sheet: Sheet, free: dict[str, Free], values: Array) -> Sheet:
+def _changed(sheet: Sheet, free: dict[str, Free], values: F64) -> Sheet:
     """The sheet with the values of the free keys; keys that go along keep their proportion."""
     numbers: dict[str, float] = {}
     for (key, f), value in zip(free.items(), values[: len(free)].tolist(), strict=True):
-        for k in f.keys:
-            numbers[k] = value * (1.0 if k == key else sheet.number(k) / sheet.number(key))
+        along = {k: value * (sheet.number(k) / sheet.number(key)) for k in f.along}
+        numbers |= {key: value, **along}
     return sheet.changed(numbers, new=[k for k, f in free.items() if f.default is not None])
 
 

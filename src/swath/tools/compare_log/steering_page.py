@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.files.whole_file import write_whole
 from swath.core.number_text import num, span
 from swath.documents.yaml_document import dump
 from swath.report.html import Table
 from swath.report.plots import BLUE, GREY, ORANGE, figure, styled
+from swath.signals import F64
 from swath.tools.compare_log.page import begin_comparison, write_compared
 from swath.tools.compare_log.steering_fit import FittedWith, PartFit, SteeringComparison
 
@@ -71,7 +71,7 @@ def _excerpt(ax: Any, made: SteeringComparison, part: PartFit) -> None:
     x = time[rows] - time[rows[0]]
     cut = np.flatnonzero(np.diff(rows) > 1) + 1  # lines end where nothing is compared
 
-    def line(values: NDArray[np.float64], **style: Any) -> None:
+    def line(values: F64, **style: Any) -> None:
         ax.plot(np.insert(x, cut, np.nan), np.insert(values[rows], cut, np.nan), **style)
 
     if part.quantity != "position":

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.field.memory_layout import Organ
+from swath.signals import U8, U16, Mask
 
 THINGS = ("person", "animal", "vehicle", "machine", "tree", "hedge", "building", "post", "stone", "other")
 STUFF = {
@@ -33,9 +33,7 @@ def category_of(kind: str) -> int:
     return NAMES.index(kind if kind in THINGS else "other") + 1
 
 
-def category_map(
-    label: NDArray[np.uint8], instance: NDArray[np.uint16], kinds: tuple[str, ...]
-) -> NDArray[np.uint8]:
+def category_map(label: U8, instance: U16, kinds: tuple[str, ...]) -> U8:
     """Category of every pixel, 0 = none (sky)."""
     table = np.zeros(len(Organ), np.uint8)
     for name, organs in STUFF.items():
@@ -44,9 +42,7 @@ def category_map(
     return np.where(instance > 0, things[instance], table[label]).astype(np.uint8)
 
 
-def annotations_of(
-    instance: NDArray[np.uint16], categories: NDArray[np.uint8], kinds: tuple[str, ...]
-) -> list[dict[str, Any]]:
+def annotations_of(instance: U16, categories: U8, kinds: tuple[str, ...]) -> list[dict[str, Any]]:
     """One per thing, then one per kind of stuff; without `id` and `image_id`."""
     numbers = np.flatnonzero(np.bincount(instance.ravel())[1:] >= LEAST_AREA) + 1
     found = [_annotation(instance == n, category_of(kinds[n - 1]), 0) for n in numbers.tolist()]
@@ -57,7 +53,7 @@ def annotations_of(
     return found
 
 
-def _annotation(mask: NDArray[np.bool_], category: int, is_crowd: int) -> dict[str, Any]:
+def _annotation(mask: Mask, category: int, is_crowd: int) -> dict[str, Any]:
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     left, top = int(columns[0]), int(rows[0])
     return {
@@ -69,7 +65,7 @@ def _annotation(mask: NDArray[np.bool_], category: int, is_crowd: int) -> dict[s
     }
 
 
-def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
+def run_lengths(mask: Mask) -> list[int]:
     """Lengths of runs of 0 and 1 in turn along the columns, the first of 0."""
     flat = mask.ravel(order="F").astype(np.int8)
     changes = np.flatnonzero(np.diff(flat)) + 1
@@ -124,7 +120,7 @@ def is_annotation(data: Any, height: int, width: int) -> bool:
     return is_mask and sum(sizes) == height * width and is_box and is_named
 
 
-def mask_of(segmentation: dict[str, Any]) -> NDArray[np.bool_]:
+def mask_of(segmentation: dict[str, Any]) -> Mask:
     """The mask (height, width) of run lengths."""
     lengths = unpacked(segmentation["counts"])
     flat = np.repeat(np.arange(len(lengths)) % 2 == 1, lengths)

@@ -5,16 +5,14 @@ import os
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, option, verb
 
 PLACE = "many", 5  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "dataset", help="labelled pictures of varied scenarios (COCO)", description=_DESCRIPTION
-    )
+    parser = verb(parsers, "dataset", "labelled pictures of varied scenarios (COCO)", run, _DESCRIPTION)
     option(parser, "scenario NAME|FILE", "a bundled scenario, or a YAML file")
     files = "dataset.json", "annotations.json", "overview.png"
     help_ = "where to write, and go on (default: pictures)"
@@ -27,7 +25,6 @@ def add(parsers: Any) -> None:
     option(parser, "--per-scene N", "pictures per field and light", 5)
     option(parser, "--workers N", "processes (default: cores)", os.cpu_count() or 1)
     add_sets(parser, "change the scenario; what is set does not vary; may be given several times")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

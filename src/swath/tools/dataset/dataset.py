@@ -20,12 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import swath
 from swath.core.errors import InputError, SwathError
 from swath.core.files.place import own_folder
-from swath.core.files.whole_file import new_file, write_whole
+from swath.core.files.whole_file import write_whole
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.units import DEG
@@ -39,7 +38,7 @@ from swath.runtime.workers import Lost, in_workers
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.sensing.camera.pinhole import OPTICAL
-from swath.signals import OBSTACLE_KINDS, Image
+from swath.signals import F64, OBSTACLE_KINDS, Image
 from swath.signals.image import ImageBoxes
 from swath.tools.dataset.coco import CATEGORIES, NAMES, annotations_of, category_map, is_annotation, mask_of
 from swath.tools.scan.scan import first_of_kind
@@ -186,13 +185,8 @@ def part_of(out: Path, picture: int) -> Path:
     return out / "parts" / f"{name_of(picture)}.json"
 
 
-def worker(settings: Settings, out: Path) -> Callable[[SceneJob], "list[int] | str"]:
-    """What a worker does with a job: pictures made, or what was wrong."""
-    return partial(make_scene, settings, out)
-
-
 def make_scene(settings: Settings, out: Path, job: SceneJob) -> "list[int] | str":
-    """Make the pictures of a job."""
+    """Make the pictures of a job; what was wrong."""
     try:
         for picture, image, boxes, info in _pictures(settings, job):
             write_picture(out, picture, image, boxes, info)
@@ -312,15 +306,14 @@ SHOWN, ACROSS = 12, 3
 
 def write_overview(out: Path) -> Path:
     """Draw overview.png: the first pictures, each beside itself with its masks."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from matplotlib.image import imread
+
+    from swath.report import plots
 
     whole = json.loads(read_bytes(out / "annotations.json", "file", "annotations", LARGEST_BYTES))
     images = whole["images"][:SHOWN]
     down = -(-len(images) // ACROSS)
-    figure = Figure(figsize=(6.6 * ACROSS, 2.5 * down), dpi=80, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = plots.figure(6.6 * ACROSS, 2.5 * down)
     axes = np.atleast_1d(figure.subplots(down, 2 * ACROSS)).ravel()
     for each in axes:
         each.axis("off")
@@ -330,13 +323,10 @@ def write_overview(out: Path) -> Path:
         axes[2 * k].imshow(picture.astype(np.uint8))
         axes[2 * k].set_title(image["file_name"], fontsize=7, loc="left", pad=2)
         _draw(axes[2 * k + 1], picture, own)
-    file = out / "overview.png"
-    with new_file(file) as stream:
-        figure.savefig(stream, format="png", metadata={"Software": None})
-    return file
+    return plots.write_picture(out / "overview.png", figure, 80)
 
 
-def _draw(axes: Any, picture: NDArray[np.float64], annotations: list[dict[str, Any]]) -> None:
+def _draw(axes: Any, picture: F64, annotations: list[dict[str, Any]]) -> None:
     from matplotlib.colors import to_rgb
     from matplotlib.patches import Rectangle
 
@@ -422,7 +412,7 @@ def make_dataset(
     there = settings.count - sum(len(job.pictures) for job in jobs)
     if progress is not None:
         progress(there, settings.count)
-    for job, found in in_workers(jobs, partial(worker, settings, out), workers):
+    for job, found in in_workers(jobs, partial(partial, make_scene, settings, out), workers):
         if isinstance(found, Lost | str):
             raise SwathError(f"scene {job.scene}: {found}")
         there += len(found)

@@ -4,20 +4,17 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "look", 2  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "diff", help="what differs between two runs, as text and page", description=_DESCRIPTION
-    )
+    parser = verb(parsers, "diff", "what differs between two runs, as text and page", run, _DESCRIPTION)
     option(parser, "first RUN", "a run folder", type=Path)
     option(parser, "second RUN", "another run folder", type=Path)
     option(parser, "--out FILE", "the page (default: diff.html in the second)", type=Path)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

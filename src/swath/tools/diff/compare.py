@@ -12,7 +12,7 @@ import numpy as np
 from swath.core.number_text import num, signed
 from swath.core.schedule import NS
 from swath.documents.yaml_document import read_document
-from swath.judge.summary import read_summary
+from swath.judge.summary import numbers_in, read_summary
 from swath.record.charts import Columns, shown_charts
 from swath.record.digest import encode
 from swath.record.read.feed import exact_outputs, exact_samples, unlike
@@ -27,7 +27,7 @@ from swath.signals import Signal
 from swath.signals.flat import flat_fields, read
 
 ROUNDING = 1e-12  # relative; metrics nearer than that are reported as equal
-VARY = ("real_time_factor", "wall_s")  # by the clock on the wall
+VARY = ("real_time_factor", "wall_s", "seed")  # by the clock on the wall, and what is a setting
 
 
 @dataclass(frozen=True)
@@ -55,21 +55,17 @@ class Difference:
 class Comparison:
     """What differs. settings, metrics: rows of text; differences: by slot, the earliest first.
 
-    is_exact: both folders hold every sample
+    is_same: both have the same digest, not a bit differs; is_exact: both folders hold every sample
     """
 
     first: Run
     second: Run
+    is_same: bool
     settings: list[tuple[str, str, str]]
     differences: list[Difference]
     is_exact: bool
     metrics: list[tuple[str, str, str, str]]
     events: list[tuple[str, str]]
-
-    @property
-    def is_same(self) -> bool:
-        """Both have the same digest: not a bit differs."""
-        return _is_same(self.first, self.second)
 
     @property
     def headline(self) -> str:
@@ -92,7 +88,7 @@ def compare(first: Path, second: Path) -> Comparison:
     """Compare two run folders. Raises InputError where one is none."""
     a, b = _read(first, second), _read(second, first)
     logs = [_log(first), _log(second)]
-    is_same = _is_same(a, b)
+    is_same = a.summary.get("digest") == b.summary.get("digest") is not None
     differences: list[Difference] = []
     is_exact = is_same
     if not is_same and logs[0] is not None and logs[1] is not None:
@@ -106,12 +102,8 @@ def compare(first: Path, second: Path) -> Comparison:
             key=lambda d: (d.t, order.index(slot) if (slot := d.slot.rpartition(".")[0]) in order else 0)
         )
     return Comparison(
-        a, b, _settings(a, b), differences, is_exact, _metrics(a, b), [*_events(a), *_events(b)]
+        a, b, is_same, _settings(a, b), differences, is_exact, _metrics(a, b), [*_events(a), *_events(b)]
     )
-
-
-def _is_same(a: Run, b: Run) -> bool:
-    return a.summary.get("digest") == b.summary.get("digest") is not None
 
 
 def _read(folder: Path, other: Path) -> Run:
@@ -184,28 +176,17 @@ def _flat(node: Any, path: str) -> Iterator[tuple[str, Any]]:
 
 def _metrics(a: Run, b: Run) -> list[tuple[str, str, str, str]]:
     """Metrics that differ; of several machines with the machine's name."""
-    one, other = _numbers(a.summary), _numbers(b.summary)
+    one, other = numbers_in(a.summary), numbers_in(b.summary)
     rows = []
     for name in dict.fromkeys([*one, *other]):
         x, y = one.get(name), other.get(name)
+        if name in VARY or (x is None and y is None):
+            continue
         if x is None or y is None:
             rows.append((name, num(x), num(y), ""))
         elif abs(y - x) > ROUNDING * max(abs(x), abs(y)):
             rows.append((name, num(x, beside=[y]), num(y, beside=[x]), signed(y - x, of=[x, y])))
     return rows
-
-
-def _numbers(summary: Mapping[str, Any]) -> dict[str, float]:
-    own = {
-        **summary,
-        **{f"{m}.{k}": v for m, part in summary.get("machines", {}).items() for k, v in part.items()},
-    }
-    kinds = (int, float)
-    return {
-        k: v
-        for k, v in own.items()
-        if isinstance(v, kinds) and not isinstance(v, bool) and k not in (*VARY, "seed")
-    }
 
 
 def _events(run: Run) -> list[tuple[str, str]]:

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import check_within
 from swath.field_io import command as field
-from swath.terminal.options import add_sets, load, option
+from swath.terminal.options import add_sets, load, made_of, option, verb
 
 PLACE = "measured", 0  # among all commands
 MB = 1e6
@@ -14,9 +15,7 @@ MB = 1e6
 def add(parsers: Any) -> None:
     """Add the command `field` with all its verbs."""
     verbs = field.add(parsers)
-    parser = verbs.add_parser(
-        "export", help="take a field to Gazebo, Blender, or as a survey", description=_DESCRIPTION
-    )
+    parser = verb(verbs, "export", "take a field to Gazebo, Blender, or as a survey", run, _DESCRIPTION)
     option(parser, "scenario FIELD", "a scenario, a run folder or a field folder")
     option(parser, "--to", "the form", choices=("sdf", "glb", "las"), required=True)
     option(parser, "--out F", "folder of sdf, file of the others", type=Path, required=True)
@@ -29,12 +28,10 @@ def add(parsers: Any) -> None:
     option(parser, "--plants-m R", "radius with plants of sdf and glb (0 = none)", 3.0)
     option(parser, "--points-per-m2 N", "pulses of the survey, las", 50.0)
     option(parser, "--most-mb MB", "refuse to write more than that", 250.0)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Say what comes and how large it is, then write it."""
-    from swath.core.errors import check_within
     from swath.runtime.assembly import assemble
     from swath.runtime.loop import drive
     from swath.tools.field_export.export import Wanted, export
@@ -44,15 +41,8 @@ def run(args: argparse.Namespace) -> int:
         ("at_s", 0.0, 1e5), ("most_mb", 1.0, 1e5),
     ):  # fmt: skip
         check_within(f"--{name.replace('_', '-')}", getattr(args, name), low, high)
-    wanted = Wanted(
-        args.to,
-        args.out,
-        _place(args.place),
-        args.ground_m,
-        args.plants_m,
-        args.points_per_m2,
-        args.most_mb * MB,
-    )
+    names = {"ground": "ground_m", "plants": "plants_m", "per_m2": "points_per_m2"}
+    wanted = made_of(Wanted, args, names, place=_place(args.place), most=args.most_mb * MB)
     scenario = load(args)
     world = assemble(scenario)
     try:
@@ -66,7 +56,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _place(text: str | None) -> tuple[float, float] | None:
     """Two numbers from the command line."""
-    from swath.core.errors import check_within
     from swath.core.typed_numbers import numbers_in
 
     if text is None:

@@ -127,10 +127,10 @@ def export(world: World, wanted: Wanted, tell: Callable[[str], None]) -> list[Pa
     _check(wanted, sum(n * each for n, each in zip(pieces, PIECE_BYTES[wanted.to], strict=True)))
     scene = make_scene(world, place, ground_m=wanted.ground, plants_m=wanted.plants)
     size = glb_size(scene) if wanted.to == "glb" else sdf_size(scene)
-    _tell_scene(scene, wanted, size, tell)
-    _check(wanted, size)
+    _tell_scene(scene, wanted, tell)
+    _check(wanted, size, tell)
     if wanted.to == "glb":
-        return [_written(wanted.out, glb_bytes(scene))]
+        return [write_whole(wanted.out, glb_bytes(scene))]
     return write_sdf(wanted.out, scene, world)
 
 
@@ -146,13 +146,12 @@ def _survey(world: World, wanted: Wanted, place: F64, tell: Callable[[str], None
     need_las()
     count = pulse_count(wanted.ground, wanted.per_m2)
     tell(f"survey    {num(count)} pulses, {num(wanted.per_m2)} per m2")
-    _tell_size(count * POINT_BYTES, tell)
-    _check(wanted, count * POINT_BYTES)
+    _check(wanted, count * POINT_BYTES, tell)
     cloud, classes = survey(world, place, side=wanted.ground, per_m2=wanted.per_m2)
     return [write_las(wanted.out, cloud, world.leader.origin, classes=classes)]
 
 
-def _tell_scene(scene: FieldScene, wanted: Wanted, size: float, tell: Callable[[str], None]) -> None:
+def _tell_scene(scene: FieldScene, wanted: Wanted, tell: Callable[[str], None]) -> None:
     heights = scene.ground.heights
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     tell(f"heights   {len(scene.ground.x)} x {len(scene.ground.y)}, {num(low)} m to {num(high)} m")
@@ -161,31 +160,18 @@ def _tell_scene(scene: FieldScene, wanted: Wanted, size: float, tell: Callable[[
     counts = ", ".join(f"{s.name} {num(len(s.faces))}" for s in scene.plants) or "none"
     tell(f"plants    within {num(wanted.plants)} m, triangles: {counts}")
     tell(f"bodies    {', '.join(body.name for body in scene.bodies) or 'none'}")
-    _tell_size(size, tell)
 
 
-def _tell_size(size: float, tell: Callable[[str], None]) -> None:
-    tell(f"size      about {num(size / MB)} MB")
-
-
-def _check(wanted: Wanted, size: float) -> None:
+def _check(wanted: Wanted, size: float, tell: Callable[[str], None] = lambda text: None) -> None:
     """InputError where it becomes larger than allowed; says what would fit."""
+    tell(f"size      about {num(size / MB)} MB")
     if size <= wanted.most:
         return
-    share = wanted.most / size
-    if wanted.to == "las":
-        raise InputError(
-            "--points-per-m2", wanted.per_m2, f"expected at most {num(wanted.per_m2 * share)} for --most-mb "
-            f"{num(wanted.most / MB)}: it would be {num(size / MB)} MB",
-        )  # fmt: skip
-    raise InputError(
-        "--plants-m", wanted.plants, f"expected at most {num(wanted.plants * share**0.5)} for --most-mb "
-        f"{num(wanted.most / MB)}: it would be {num(size / MB)} MB",
-    )  # fmt: skip
-
-
-def _written(path: Path, data: bytes) -> Path:
-    return write_whole(path, data)
+    share, key, value = wanted.most / size, "--points-per-m2", wanted.per_m2
+    if wanted.to != "las":
+        share, key, value = share**0.5, "--plants-m", wanted.plants
+    fits = f"expected at most {num(value * share)} for --most-mb {num(wanted.most / MB)}"
+    raise InputError(key, value, f"{fits}: it would be {num(size / MB)} MB")
 
 
 def _named(form: str) -> str:

@@ -26,15 +26,18 @@ def glb_bytes(scene: FieldScene) -> bytes:
 
     One node for the ground, with its picture, one for each organ, straw and body, by their names.
     """
-    trimesh = need_trimesh()
-    found = trimesh.Scene()
-    found.add_geometry(_ground(scene.ground), node_name="ground", geom_name="ground")
+    from PIL import Image
+
+    found = need_trimesh().Scene()
+    picture = Image.open(io.BytesIO(picture_bytes(scene.ground)))
+    _add(found, "ground", *ground_surface(scene.ground), baseColorTexture=picture)
     for surface in scene.surfaces:
-        _add(found, surface.name, surface.vertices, surface.faces, surface.colour)
+        _add(found, surface.name, surface.vertices, surface.faces, baseColorFactor=_linear(surface.colour))
     for body in scene.bodies:
         corners = body_corners(body.solids)
-        colour = MACHINE if body.name in scene.machines else BODY
-        _add(found, body.name, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), colour)
+        colour = _linear(MACHINE if body.name in scene.machines else BODY)
+        faces = np.arange(3 * len(corners)).reshape(-1, 3)
+        _add(found, body.name, corners.reshape(-1, 3), faces, baseColorFactor=colour)
     made: bytes = found.export(file_type="glb")
     return made
 
@@ -47,28 +50,16 @@ def glb_size(scene: FieldScene) -> int:
     return 12 * (count + faces) + 48 * bodies
 
 
-def _add(scene: Any, name: str, vertices: F64, faces: Any, colour: str) -> None:
+def _add(scene: Any, name: str, vertices: F64, faces: Any, uv: F64 | None = None, **look: Any) -> None:
+    """A node. uv: where vertices lie in a picture; look: of its material."""
     trimesh = need_trimesh()
-    material = trimesh.visual.material.PBRMaterial(
-        name=name, baseColorFactor=_linear(colour), metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True
-    )
-    visual = trimesh.visual.TextureVisuals(uv=np.zeros((0, 2)), material=material)
-    visual.uv = None
+    rough = {"metallicFactor": 0.0, "roughnessFactor": 1.0, "doubleSided": True}
+    material = trimesh.visual.material.PBRMaterial(name=name, **look, **rough)
+    visual = trimesh.visual.TextureVisuals(uv=np.zeros((0, 2)) if uv is None else uv, material=material)
+    if uv is None:
+        visual.uv = None
     made = trimesh.Trimesh(vertices @ Y_UP.T, faces, process=False, validate=False, visual=visual)
     scene.add_geometry(made, node_name=name, geom_name=name)
-
-
-def _ground(ground: Ground) -> Any:
-    from PIL import Image
-
-    trimesh = need_trimesh()
-    vertices, faces, share = ground_surface(ground)
-    material = trimesh.visual.material.PBRMaterial(
-        name="ground", baseColorTexture=Image.open(io.BytesIO(picture_bytes(ground))), metallicFactor=0.0,
-        roughnessFactor=1.0, doubleSided=True,
-    )  # fmt: skip
-    visual = trimesh.visual.TextureVisuals(uv=share, material=material)
-    return trimesh.Trimesh(vertices @ Y_UP.T, faces, process=False, validate=False, visual=visual)
 
 
 def picture_bytes(ground: Ground) -> bytes:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
@@ -20,7 +19,7 @@ from swath.report.field_plot import ground_colours
 from swath.report.plots import STRAW
 from swath.report.scan_sampler import straw_depth
 from swath.runtime.world import World
-from swath.signals import F64
+from swath.signals import F64, I64, U8, Mask
 from swath.tools.scan.stand3d import COLOURS, NAMES, Organs, organs_near
 
 NODES = 257  # heights along a side of the ground: 2^8 + 1, as Gazebo wants them
@@ -39,7 +38,7 @@ class Surface:
     name: str
     colour: str
     vertices: F64
-    faces: NDArray[np.int64]
+    faces: I64
 
     @property
     def corners(self) -> F64:
@@ -59,7 +58,7 @@ class Ground:
     x: F64
     y: F64
     heights: F64
-    colours: NDArray[np.uint8]
+    colours: U8
 
     @property
     def low(self) -> float:
@@ -125,9 +124,9 @@ def ground_around(field: Field, place: F64, side: float) -> Ground:
     return Ground(x, y, heights, ground_colours(field, *at))
 
 
-def known_ground(field: Field, x: F64, y: F64) -> NDArray[np.bool_]:
+def known_ground(field: Field, x: F64, y: F64) -> Mask:
     """Where the map of the terrain reaches. InputError where it reaches none of these points."""
-    known: NDArray[np.bool_] = np.isfinite(np.asarray(field.terrain.height(x, y), dtype=float))
+    known: Mask = np.isfinite(np.asarray(field.terrain.height(x, y), dtype=float))
     if isinstance(field.terrain, HasExtent):
         known = known & field.terrain.covers(x, y)
     if not known.any():
@@ -136,7 +135,7 @@ def known_ground(field: Field, x: F64, y: F64) -> NDArray[np.bool_]:
     return known
 
 
-def ground_surface(ground: Ground) -> tuple[F64, NDArray[np.int64], F64]:
+def ground_surface(ground: Ground) -> tuple[F64, I64, F64]:
     """Vertices, faces that look up, and where each vertex lies in the picture, from its lower left corner."""
     x, y = np.meshgrid(ground.x, ground.y)
     share = np.linspace(0.0, 1.0, len(ground.x))
@@ -205,11 +204,9 @@ def body_corners(solids: Solids) -> F64:
 
 
 def _body_parts(solids: Solids) -> Iterator[F64]:
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    for centre, axes, half in solids.boxes:
         yield triangles.box(2.0 * half) @ axes.T + centre
-    for centre, axes, half in zip(
-        solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
-    ):
+    for centre, axes, half in solids.ellipsoids:
         yield (triangles.sphere(1.0) * half) @ axes.T + centre
     for a, b, radius, pose in capsules_of(solids):
         length = float(np.linalg.norm(b - a))
@@ -235,7 +232,7 @@ def _is_near(body: Sighted, place: F64, side: float) -> bool:
     return bool((flat.min(axis=0, initial=np.inf) <= 0.5 * side).all())
 
 
-def _grid_faces(known: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _grid_faces(known: Mask) -> I64:
     """Two triangles for each cell of a grid of which all four corners are known, looking up."""
     index = np.arange(known.size).reshape(known.shape)
     whole = known[:-1, :-1] & known[1:, :-1] & known[:-1, 1:] & known[1:, 1:]
@@ -243,7 +240,7 @@ def _grid_faces(known: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
-def _rods(organs: Organs) -> tuple[F64, NDArray[np.int64]]:
+def _rods(organs: Organs) -> tuple[F64, I64]:
     """Square rods without ends."""
     along = organs.b - organs.a
     axes = np.asarray(frames_along(along)) if len(along) else np.zeros((0, 3, 3))
@@ -260,7 +257,7 @@ def _rods(organs: Organs) -> tuple[F64, NDArray[np.int64]]:
     return vertices.reshape(-1, 3), faces.reshape(-1, 3)
 
 
-def _blades(organs: Organs) -> tuple[F64, NDArray[np.int64]]:
+def _blades(organs: Organs) -> tuple[F64, I64]:
     """Ribbons, and triangles as ribbons without a width at their end."""
     corners = organs.quads(np.zeros(3))  # flat as they are, from wherever they are seen
     faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(corners))[:, None, None]

@@ -36,7 +36,7 @@ def write_sdf(folder: Path, scene: FieldScene, world: World) -> list[Path]:
     files = {
         "ground.png": height_bytes(scene.ground),
         "cover.png": picture_bytes(scene.ground),
-        "level.png": _level_bytes(),
+        "level.png": encoded(np.full((8, 8, 3), (128, 128, 255), np.uint8), "PNG"),  # normals that point up
     }
     for surface in scene.surfaces:
         files[f"meshes/{surface.name}.stl"] = stl_bytes(surface.corners)
@@ -86,11 +86,6 @@ def obj_bytes(corners: F64) -> bytes:
     lines = [f"v {_numbers(point)}" for point in points]
     lines += [f"f {a} {b} {c}" for a, b, c in (faces.reshape(-1, 3) + 1).tolist()]
     return "\n".join([*lines, ""]).encode("ascii")
-
-
-def _level_bytes() -> bytes:
-    """A map of normals that all point up."""
-    return encoded(np.full((8, 8, 3), (128, 128, 255), np.uint8), "PNG")
 
 
 def _settings(world: Element, scene: FieldScene) -> None:
@@ -173,11 +168,9 @@ def _body(world: Element, body: Sighted, scene: FieldScene, whole: World, files:
 
 def _shapes(solids: Solids) -> Iterator[tuple[Pose, Element, F64 | None]]:
     """Frame in the world and geometry of every part; of a mesh its triangles in that frame instead."""
-    for centre, axes, half in zip(solids.box_centre, solids.box_axes, solids.box_half, strict=True):
+    for centre, axes, half in solids.boxes:
         yield Pose(centre, axes), _geometry("box", size=_numbers(2.0 * half)), None
-    for centre, axes, half in zip(
-        solids.ellipsoid_centre, solids.ellipsoid_axes, solids.ellipsoid_half, strict=True
-    ):
+    for centre, axes, half in solids.ellipsoids:
         yield Pose(centre, axes), _geometry("ellipsoid", radii=_numbers(half)), None
     for a, b, radius, pose in capsules_of(solids):
         length = float(np.linalg.norm(b - a))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from swath.core.errors import InputError
 from swath.documents.yaml_document import read_mapping
-from swath.tools.function_test.files import from_beside
+from swath.tools.function_test.case import from_beside
 
 MOST = 1000  # candidates: the scenarios of all are read before the first run
 EVERY, SHIPPED = "*", "shipped"  # machine in a key: each with such a slot; what a detector is held against

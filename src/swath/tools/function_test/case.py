@@ -18,6 +18,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
+from swath.core import foreign_code
 from swath.core.errors import InputError
 from swath.core.process.shell import command
 from swath.core.random import Stream
@@ -28,8 +29,8 @@ from swath.scenario.overrides import layered
 from swath.scenario.sections import Bounds
 from swath.scenario.slots import CATALOGUE as SLOTS
 from swath.scenario.versions import READ_BY
-from swath.tools.function_test.files import from_beside
 
+SUFFIXES = (".py", ".yaml", ".fmu", ".csv", ".npz")  # of files that a case or a candidate names
 FORMAT = "swath test case 1"
 MOST_RUNS = 1_000_000
 CATALOGUE = Path(str(files("swath.data") / "tests"))
@@ -187,6 +188,11 @@ class Case:
         """How many combinations the values of all parameters have."""
         return prod(len(varied.at) for varied in self.file.vary.values())
 
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Parameters that have a range."""
+        return {name: varied.range for name, varied in self.file.vary.items() if varied.range is not None}
+
     def grid_point(self, number: int) -> dict[str, Scalar]:
         """One combination, 0 <= number < grid_size; the last parameter changes fastest."""
         values: list[Scalar] = []
@@ -274,6 +280,24 @@ def limits_of(expect: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
+def source_of(case: str | Path) -> str:
+    """A case, or cases, by name or by whole path, so that a folder can be gone on with anywhere."""
+    return str(Path(case).resolve()) if os.path.exists(Path(case)) else str(case)
+
+
+def one_case(source: str, limit: str = "", expected: str = "expected one case") -> Case:
+    """The one case of a source. limit: "", or the name of one that it has. InputError for another."""
+    cases = find_cases(source)
+    if len(cases) != 1:
+        raise InputError("case", source, f"{expected}, there are {len(cases)}")
+    (case,) = cases
+    names = [name for _, name in limits_of(case.file.expect)]
+    if limit and limit not in names:
+        expected = f"expected one of {', '.join(names)}{near_miss(limit, names)}"
+        raise InputError("--limit", limit, expected, file=case.document.file)
+    return case
+
+
 def find_cases(source: str | Sequence[str], tags: Sequence[str] = ()) -> list[Case]:
     """Cases by name: `catalogue` for all that are bundled, one of them, a case file, or a folder of them; of
     several sources each case once.
@@ -317,3 +341,16 @@ def _paths(source: str) -> list[Path]:
     raise InputError(
         "cases", source, f"expected a file, a folder or one of {', '.join(names)}{near_miss(source, names)}"
     )
+
+
+def from_beside(value: object, folder: Path) -> object:
+    """A value of a scenario key, files in a folder (`mine.py:Detector`) as absolute paths."""
+    if isinstance(value, dict):
+        return {key: from_beside(inner, folder) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [from_beside(inner, folder) for inner in value]
+    if isinstance(value, str):
+        file, colon, name = value.partition(":")
+        if file.endswith(SUFFIXES) and os.path.isfile(foreign_code.source_of(folder / file)):
+            return f"{(folder / file).resolve()}{colon}{name}"
+    return value

@@ -141,7 +141,11 @@ class Cell:
 
         Limits that can only be kept or not are left out where they are kept.
         """
-        rows = [(name, share, e) for name, (share, e) in self._nearest.items() if not _is_kept(e)]
+        rows = [
+            (name, share, e)
+            for name, (share, e) in self._nearest.items()
+            if e["result"] == "fail" or not is_kept_or_not(e)
+        ]
         return sorted(rows, key=lambda row: row[1])
 
     def judge(self) -> None:
@@ -185,10 +189,6 @@ def cells_of(cases: Sequence[Case], candidates: Iterable[str], planned: Mapping[
 def errors_of(count: int, of: int, first: str) -> str:
     """What is reported of runs that came to an error."""
     return f"{count} of {of} runs came to an error, nothing is judged from them: {first}"
-
-
-def _is_kept(entry: dict[str, Any]) -> bool:
-    return entry["result"] != "fail" and is_kept_or_not(entry)
 
 
 def _mean(name: str, values: Sequence[float], bounds: Any) -> tuple[str, str]:

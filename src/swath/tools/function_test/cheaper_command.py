@@ -4,19 +4,16 @@ import argparse
 from typing import Any
 
 from swath.core.number_text import num, percent_of
-from swath.terminal.options import add_sets, option
+from swath.terminal.options import add_sets, option, verb
 
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    levels = verbs.add_parser(
-        "levels", help="propose levels that may be cheap in a case, and what that saves"
-    )
+    levels = verb(verbs, "levels", "propose levels that may be cheap in a case, and what that saves", _levels)
     option(levels, "case", "a bundled case or a case file")
     option(levels, "--runs N", "runs of its grid that are compared, those of the first seed first", 4)
     option(levels, "--within X", "difference that agrees, over the size of a number's limit", 0.1)
     add_sets(levels, "of every scenario")
-    levels.set_defaults(run=_levels)
 
 
 def _levels(args: argparse.Namespace) -> int:

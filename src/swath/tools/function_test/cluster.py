@@ -98,7 +98,7 @@ def run_on_cluster(
     is_over = False
     try:
         while pending or not is_over:
-            count = _worker_count(client)
+            count = len(client.nthreads())
             while len(pending) < count and (run := next(left, None)) is not None:
                 of_driver = code_hash(), present_gate(), present_roots()
                 job = client.submit(_do, run, str(folder), work, *of_driver, key=f"run-{run.id}", pure=False)
@@ -156,10 +156,6 @@ def _tools(folder: str) -> tuple[Journal, KeptFields]:
     """Tools of this worker process."""
     os.environ.setdefault("SWATH_THREADS", "1")
     return Journal(Path(folder), f"worker-{socket.gethostname()}-{os.getpid()}"), KeptFields()
-
-
-def _worker_count(client: Any) -> int:
-    return len(client.nthreads())
 
 
 def _slurm(jobs: int, security: Any) -> Any:

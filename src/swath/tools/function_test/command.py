@@ -8,13 +8,14 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, shortened
 from swath.core.foreign_code import code_unread
 from swath.core.number_text import num
 from swath.core.process.shell import command
 from swath.core.units import digits_in
-from swath.terminal.options import add_folder, add_sets, option
-from swath.terminal.tables import add_json
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
+from swath.terminal.outcome import exit_code
+from swath.terminal.tables import add_json, as_json, say, table
 from swath.tools.function_test import cheaper_command
 from swath.tools.function_test.estimate import command as estimate_command
 from swath.tools.function_test.field_plan import command as field_plan
@@ -28,11 +29,10 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("test", help="run and judge cases many times", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    listing = verbs.add_parser("list", help="list cases: parameters, limits")
+    listing = verb(verbs, "list", "list cases: parameters, limits", _list)
     option(listing, "cases", _CASES, "catalogue", nargs="?")
     add_json(listing)
-    listing.set_defaults(run=_list)
-    run = verbs.add_parser("run", help="do the runs of cases; resumes where it was stopped")
+    run = verb(verbs, "run", "do the runs of cases; resumes where it was stopped", _run)
     option(run, "cases", _CASES, nargs="?")
     add_folder(run, "function test", text="folder of the results", alone=False)
     option(run, "--odd ODD", "instead of cases: a bound ODD, a file or wheat-harvest")
@@ -59,37 +59,31 @@ def add(parsers: Any) -> None:
     option(run, "--shadow", "the first candidate steers, the others only see its scans (open loop)")
     add_engine(run)
     option(run, "--plan-only", "write the plan only, for swath test work")
-    run.set_defaults(run=_run)
     search_command.add(verbs)
     cheaper_command.add(verbs)
     estimate_command.add(verbs)
     field_plan.add(verbs)
-    work = verbs.add_parser("work", help="do one share of a plan, on any computer that sees the folder")
+    work = verb(verbs, "work", "do one share of a plan, on any computer that sees the folder", _work)
     work.add_argument("folder", type=Path)
     option(work, "--shard I/N", "share to do, e.g. 3/200", required=True)
-    work.set_defaults(run=_work)
-    report = verbs.add_parser("report", help="judge stored results by the present limits; runs nothing")
+    report = verb(verbs, "report", "judge stored results by the present limits; runs nothing", _report)
     report.add_argument("folder", type=Path)
     cod = "of an ODD: also what each run drove, as tables of OpenODD (COD), into DIR/cod"
     option(report, "--cod", cod)
-    report.set_defaults(run=_report)
-    versus = verbs.add_parser(
-        "compare", help="compare two results run by run; exit code 1: something is worse"
+    versus = verb(
+        verbs, "compare", "compare two results run by run; exit code 1: something is worse", _compare
     )
     option(versus, "old OLD", "a folder of results, or FOLDER:CANDIDATE")
     option(versus, "new NEW", "another, or the same with another candidate")
     option(versus, "--metric NAME", "compare this metric instead of the default ones", [])
     option(versus, "--within VALUE", "differences up to this count as equal", type=float)
-    versus.set_defaults(run=_compare)
-    again = verbs.add_parser("again", help="repeat one run as a full run folder and check its digest")
+    again = verb(verbs, "again", "repeat one run as a full run folder and check its digest", _again)
     again.add_argument("folder", type=Path)
     option(again, "name RUN", "the run, or the beginning of its name")
     option(again, "--out DIR", "default: FOLDER/kept/RUN", type=Path)
-    again.set_defaults(run=_again)
 
 
 def _list(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import as_json, say, table
     from swath.tools.function_test.case import find_cases
 
     cases = find_cases(args.cases)
@@ -126,6 +120,7 @@ def _list(args: argparse.Namespace) -> int:
 def _run(args: argparse.Namespace) -> int:
     from swath.runtime.workers import workers_kept
     from swath.tools.function_test.candidates import read_candidates
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.judging.first_batch import FIRST, name_first
     from swath.tools.function_test.plan import Plan
     from swath.tools.function_test.session import begin
@@ -136,17 +131,8 @@ def _run(args: argparse.Namespace) -> int:
         raise InputError("--runs", args.runs, "expected --odd beside it: of cases, --seeds and --draw say it")
     if args.cases is None:
         raise InputError("cases", None, "expected `catalogue`, a case, or --odd with a domain")
-    plan = Plan(
-        args.cases if not os.path.exists(Path(args.cases)) else str(Path(args.cases).resolve()),
-        tags=tuple(args.only),
-        candidates=read_candidates(args.candidates),
-        seeds=args.seeds,
-        drawn=args.draw,
-        draw_seed=args.draw_seed,
-        sets=tuple(args.sets),
-        shadow=args.shadow,
-        level=args.level,
-    )
+    names, candidates = {"tags": "only", "drawn": "draw"}, read_candidates(args.candidates)
+    plan = made_of(Plan, args, names, cases=source_of(args.cases), candidates=candidates)
     with code_unread() if args.plan_only else nullcontext():
         session = begin(args.out, plan, args.candidates)
     left = sum(1 for _ in session.left())
@@ -180,18 +166,14 @@ def _run_odd(args: argparse.Namespace) -> int:
 
 def _finish_odd(found: Any) -> int:
     """Dossier, and what it says on the screen; returns the exit code."""
-    from swath.terminal.outcome import exit_code
-    from swath.terminal.tables import table
     from swath.tools.function_test.odd.dossier import summary_of, write_dossier
 
-    cells = found.cells()
-    page = write_dossier(found, cells)
-    said = summary_of(found, cells)
+    page, said = write_dossier(found), summary_of(found)
     table("", ("of the ODD", *said.columns), said.rows)
     for line in said.lines:
         print(line)
     print(f"dossier  {page}")
-    return exit_code(cell.verdict for cell in cells)
+    return exit_code(cell.verdict for cell in found.cells)
 
 
 def _work(args: argparse.Namespace) -> int:
@@ -241,7 +223,6 @@ def _report(args: argparse.Namespace) -> int:
 
 
 def _compare(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import table
     from swath.tools.function_test.compare import BETTER, SAME_BYTES, SAME_VERDICT, VERDICTS, WORSE, compare
     from swath.tools.function_test.judging.first_batch import name_first
 
@@ -317,7 +298,6 @@ def _again(args: argparse.Namespace) -> int:
 
 def _told_of(folder: Path, run: Any, base: str) -> str:
     """The summary of a run made again: the scenario's own holds for it only where nothing is varied."""
-    from swath.core.errors import shortened
     from swath.documents.yaml_document import read_document
     from swath.scenario.sections import LONGEST_SUMMARY
     from swath.tools.function_test.odd.campaign import ODD_FILE
@@ -333,8 +313,6 @@ def _told_of(folder: Path, run: Any, base: str) -> str:
 
 def finish(folder: Path, session: Any, *, again: bool) -> int:
     """Table, JUnit file, page and the verdicts on the screen; returns the exit code."""
-    from swath.terminal.outcome import exit_code
-    from swath.terminal.tables import table
     from swath.tools.function_test.judging.ranking import HEAD, ranking
     from swath.tools.function_test.judging.verdict import NOT_JUDGED, VERDICTS
     from swath.tools.function_test.junit import write_junit

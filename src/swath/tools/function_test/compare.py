@@ -2,8 +2,8 @@
 
 import json
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import ceil, isfinite, log2
 from pathlib import Path
@@ -47,6 +47,7 @@ class Comparison:
 
     undecided: difference of an error of edge or line up to which the level of the scanner cannot decide [m]
     alpha: chance with which one difference is shown that is not there
+    directions: `lower` or `higher` of metrics, what is better, where it is not what the catalogue says
     """
 
     pairs: Sequence[tuple[Result, Result]]
@@ -54,6 +55,7 @@ class Comparison:
     alone: int
     undecided: float = 0.0
     alpha: float = ALPHA
+    directions: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def outcomes(self) -> list[str]:
@@ -101,20 +103,21 @@ class Comparison:
             return f"undecided at {CHEAP}"
         if name == VERDICTS:
             return "worse" if self.outcomes.count(WORSE) > self.outcomes.count(BETTER) else "better"
-        good = better_of(name)
+        good = better_of(name) or self.directions.get(name)
         if not good:
             return "changed"
         return "better" if (self.differences[name].estimate > 0.0) == (good == "higher") else "worse"
 
-    def beside(self, name: str, better: str = "") -> str:
-        """What stands beside what is shown to be better: which harm is not excluded, and the worst.
-
-        better: `lower` or `higher`, "" = as the catalogue says
-        """
+    def beside(self, name: str) -> str:
+        """What stands beside what is shown to be better: which harm is not excluded, and the worst."""
         if name == VERDICTS:
             return caveat(len(self.pairs), f"{self.outcomes.count(WORSE)} of them now fail")
         d = self.differences[name]
-        return caveat(d.count, f"worst tenth {signed(d.worst_tenth(better or better_of(name)))}")
+        return caveat(d.count, f"worst tenth {signed(self.worst_tenth(name))}")
+
+    def worst_tenth(self, name: str) -> float:
+        """Mean difference of a metric over the tenth of the pairs that is worst."""
+        return self.differences[name].worst_tenth(self.directions.get(name) or better_of(name))
 
     @property
     def is_worse(self) -> bool:

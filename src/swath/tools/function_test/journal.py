@@ -87,11 +87,6 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
             offset += len(line)
 
 
-def finished(folder: Path) -> set[str]:
-    """Names of the runs that are in a journal."""
-    return {result["id"] for result in read_journals(folder)}
-
-
 class Stored:
     """The results in the journals of a folder, found by name and read when they are asked for.
 

@@ -5,9 +5,12 @@ from dataclasses import replace
 from typing import Any
 
 from swath.core.errors import shortened
+from swath.judge.evaluators.edge_detection import EdgeDetection
+from swath.judge.evaluators.lateral_error import LateralError
+from swath.judge.summary import numbers_in
 from swath.runtime.credibility import NEVER_CHECKED, outside_of
 from swath.runtime.credibility import SUMMARY as CREDIBILITY
-from swath.runtime.hooks import RunHook
+from swath.runtime.hooks import ActiveRun, RunHook
 from swath.runtime.job import run_unrecorded
 from swath.runtime.kept import KeptFields
 from swath.runtime.met import SUMMARY as MET
@@ -16,11 +19,11 @@ from swath.runtime.world import ASKED_BY
 from swath.runtime.worlds import run_each
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.tools.function_test.judging.integrity import SUMMARY as INTEGRITY
-from swath.tools.function_test.judging.integrity import IntegrityHook
+from swath.tools.function_test.judging.integrity import integrity_in
 from swath.tools.function_test.judging.judged import verdict_of
 from swath.tools.function_test.judging.ranking import EDGE_US
 from swath.tools.function_test.judging.steering_accuracy import SUMMARY as STEERING
-from swath.tools.function_test.judging.steering_accuracy import SteeringHook
+from swath.tools.function_test.judging.steering_accuracy import steering_in
 from swath.tools.function_test.plan import PlannedRun
 from swath.tools.function_test.shadow import SUMMARY as SHADOW
 from swath.tools.function_test.shadow import ShadowHook
@@ -40,10 +43,29 @@ def shadows_of(run: PlannedRun) -> dict[str, Scenario]:
     return {name: scenario_of(replace(run, sets=sets)) for name, sets in run.shadows.items()}
 
 
+class JudgesHook(RunHook):
+    """Adds to the summary what the judges of a kind have of all machines of a run together."""
+
+    READS_TRACKS = False
+
+    def __init__(self, kind: Any, told: Callable[[Sequence[Any]], dict[str, Any]]) -> None:
+        self._kind, self._told = kind, told
+
+    def begin(self, run: ActiveRun) -> None:
+        """Know the judges."""
+        found = [run.evaluation.find(name, self._kind) for name in run.world.machines]
+        self._judges = [judge for judge in found if judge is not None]
+
+    def summarize(self, t: int) -> dict[str, Any]:
+        """What they have."""
+        return self._told(self._judges)
+
+
 def hooks_of(run: PlannedRun) -> list[RunHook]:
     """What goes along with a run. Raises InputError."""
     shadows = shadows_of(run)
-    hooks: list[RunHook] = [IntegrityHook(), SteeringHook(), *([ShadowHook(shadows)] if shadows else [])]
+    judges = JudgesHook(EdgeDetection, integrity_in), JudgesHook(LateralError, steering_in)
+    hooks: list[RunHook] = [*judges, *([ShadowHook(shadows)] if shadows else [])]
     return [*hooks, *([MetHook(run.met)] if run.met else [])]
 
 
@@ -69,22 +91,11 @@ def results_in(runs: Sequence[PlannedRun], fields: KeptFields) -> Iterator[Resul
         yield {**found, "cpu_s": cpu_s}
 
 
-def do_run(run: PlannedRun, fields: KeptFields) -> Result:
-    """Do one of the runs."""
-    (result,) = results_in([run], fields)
-    return result
-
-
 def no_result(run: PlannedRun, why: str) -> dict[str, Any]:
     """The result of a run that came to nothing."""
     reason = shortened(" ".join(why.split()))
     nothing = {"metrics": {}, "expect": [], "incidents": [], "digest": "", "cpu_s": 0.0}
-    return {**_about(run), "verdict": "error", "reason": reason, **nothing}
-
-
-def _about(run: PlannedRun) -> dict[str, Any]:
-    point = dict(run.point)
-    return {"id": run.id, "case": run.case, "candidate": run.candidate, "point": point, "seed": run.seed}
+    return {**run.about, "verdict": "error", "reason": reason, **nothing}
 
 
 def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
@@ -92,10 +103,10 @@ def result_of(run: PlannedRun, summary: dict[str, Any]) -> dict[str, Any]:
     outside = outside_of(summary)
     verdict, reason = verdict_of(summary["expect"], outside)
     return {
-        **_about(run),
+        **run.about,
         "verdict": verdict,
         "reason": reason,
-        "metrics": _metrics(summary),
+        "metrics": {k: v for k, v in numbers_in(summary).items() if k not in NOT_METRICS},
         "expect": summary["expect"],
         "incidents": [
             {k: e.get(k) for k in ("kind", "machine", "t_s", "distance_m")} for e in summary["incidents"]
@@ -113,15 +124,3 @@ def _edge_us(cost: dict[str, dict[str, float]]) -> float | None:
     """Time of a step of the edge detectors [us], None where there is none."""
     found = [of for slot, of in cost.items() if slot.rpartition(".")[2] == "edge" and of["steps"]]
     return 1e6 * sum(of["seconds"] for of in found) / sum(of["steps"] for of in found) if found else None
-
-
-def _metrics(summary: dict[str, Any]) -> dict[str, float | None]:
-    """Numbers of the summary by name; with several machines as `machine.name`."""
-    found = {k: v for k, v in summary.items() if _is_number(v) and k not in NOT_METRICS}
-    for machine, values in summary.get("machines", {}).items():
-        found |= {f"{machine}.{k}": v for k, v in values.items() if _is_number(v)}
-    return found
-
-
-def _is_number(value: Any) -> bool:
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))

@@ -58,6 +58,12 @@ class PlannedRun:
     why_dear: str = ""
     met: Sequence[str] = ()
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What its result says of it."""
+        names = ("id", "case", "candidate", "point", "seed")
+        return {name: getattr(self, name) for name in names} | {"point": dict(self.point)}
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -144,7 +150,7 @@ class Plan:
             base = _base(case, self.code or code_hash())
             changed = self._placed(case)
             contents = {name: _contents_of_sets(sets) for name, sets in changed.items()}
-            for seed, point in self._points_of(case):
+            for seed, point in (self._point_of(case, n) for n in range(self.counts[case.name])):
                 own = case.sets(point, self.expects.get(case.name))
                 at = {name: layered(own, sets) for name, sets in changed.items()}
                 for name in self.steering:
@@ -171,10 +177,6 @@ class Plan:
         if self.points or self.chosen:
             return {name: len(self.chosen.get(name, self.points)) for name in sizes}
         return {case.name: sizes[case.name] * len(self._seeds_of(case)) for case in self.found}
-
-    def _points_of(self, case: Case) -> Iterator[tuple[int, Point]]:
-        """Seed and point of the runs of a case with each candidate."""
-        return (self._point_of(case, place) for place in range(self.counts[case.name]))
 
     def _point_of(self, case: Case, place: int) -> tuple[int, Point]:
         """Seed and point of one of the runs of a case with each candidate, 0 <= place < its count."""

@@ -26,7 +26,6 @@ from swath.runtime.kept import KeptFields
 from swath.tools.function_test.cells import Cell, cells_of
 from swath.tools.function_test.cluster import run_on_cluster
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
-from swath.tools.function_test.in_step import in_chunks, is_number
 from swath.tools.function_test.journal import (
     CHANGED,
     PLAN,
@@ -43,7 +42,7 @@ from swath.tools.function_test.judging.first_batch import FIRST, telling_nothing
 from swath.tools.function_test.judging.judged import PresentLimits, in_shadow
 from swath.tools.function_test.one_run import results_in
 from swath.tools.function_test.plan import Plan, PlannedRun, looked_at, plan_of
-from swath.tools.function_test.pool import Done, run_all
+from swath.tools.function_test.pool import Done, in_chunks, is_number, run_all
 from swath.tools.function_test.stored_line import Result
 
 JOURNALS, RUNS, EARLIER, PARTS = "journal", "runs.parquet", "earlier", "parts"
@@ -122,7 +121,7 @@ class Session:
             return
         names = {_key(result): result["id"] for result in read_journals(self.journals)}
         for run in self.plan.runs():  # a folder of version 0.2: by what they are, their names say too much
-            yield replace(run, id=names.get(_key(_about(run)), run.id))
+            yield replace(run, id=names.get(_key(run.about), run.id))
 
     @property
     def changed(self) -> str:
@@ -176,6 +175,12 @@ class Session:
             else:
                 run_all(self.left(first), self.journals, workers, _unchanged(done))
 
+    def made(self, workers: int, done: Done, client: Any = None) -> list[Result]:
+        """Write the plan, do what is left of it, and give its results."""
+        self.write()
+        self.do(workers, done, client)
+        return self.results()
+
     def do_share(self, share: int, of: int, done: Done) -> None:
         """Do what is left of one share of the plan (1..of), in this process. InputError as `do`."""
         journal, fields = Journal(self.journals, f"share-{share}-of-{of}"), KeptFields()
@@ -193,11 +198,7 @@ class Session:
     def _each(self, stored: Stored, first: float = inf) -> Iterator[Result]:
         for run in self.runs(first):
             if (found := stored.get(run.id)) is not None:
-                whole = {
-                    **found,
-                    "id": run.id,
-                    **_about(run),
-                }  # another candidate may have come to the same scenario
+                whole = {**found, **run.about}  # another candidate may have come to the same scenario
                 with readable("journal", "results of candidates in shadow", self.journals):
                     others = list(in_shadow(whole, run.shadows))
                 yield from (whole, *others)
@@ -257,10 +258,6 @@ def _unchanged(done: Done) -> Done:
         done(result)
 
     return told
-
-
-def _about(run: PlannedRun) -> dict[str, Any]:
-    return {"case": run.case, "candidate": run.candidate, "point": dict(run.point), "seed": run.seed}
 
 
 def _row(run: PlannedRun) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
@@ -33,10 +32,10 @@ from swath.record.read.frames import (
 )
 from swath.record.read.mcap_log import BROKEN
 from swath.record.read.scans import beam_times, cloud_points
+from swath.signals import F64
 from swath.tools.height_map.poses import PoseTrack, make_track
 from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
 
-Array = NDArray[np.float64]
 FIX = "sensor_msgs/msg/NavSatFix"
 SCANS = ("sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2")
 POSES = (
@@ -194,7 +193,7 @@ def _of_scan(message: Any, begun: float, note: Callable[[str], None]) -> Echoes:
     intensity = np.asarray(message.intensities, dtype=np.float64)
     if len(intensity) != len(ranges):
         intensity = np.full(len(ranges), np.nan)
-    time: Array = begun + beam_times(message, note)
+    time: F64 = begun + beam_times(message, note)
     reach = np.full(int(gone.sum()), min(float(message.range_max), FARTHEST))
     free = polar_points(reach, azimuth[gone])
     with np.errstate(invalid="ignore"):

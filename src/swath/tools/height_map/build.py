@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError, check_within
 from swath.core.number_text import num
 from swath.rays.height_grid import LIMIT_M, NODE_CELLS, NONE, TILE, HeightGrid, lattice_height
+from swath.signals import F32, F64, U16
 from swath.tools.height_map.bag import open_bag
 from swath.tools.height_map.gather import BLOCK, Gatherer, Samples, pool
 from swath.tools.height_map.ground import Params as GroundParams
@@ -20,7 +21,6 @@ from swath.tools.height_map.passing import Passing
 from swath.tools.height_map.place import Frame, batches, left_above, placed
 from swath.tools.height_map.source import Echoes, Source, Wanted, open_csv, open_npz
 
-Array = NDArray[np.float64]
 TIMES_MAX = 1 << 25  # numbers that are held of how often beams passed
 COUNTED = (
     "scans",
@@ -100,12 +100,12 @@ def build_height_map(
     else:
         _check_ground(counts["notes"], lattice, samples, settings.grounds)
     pools = _cells(source, samples, settings, frame, lattice, progress)
-    quantiles = np.stack(pools.quantiles)
+    stacks = pools.stacked()
     about = {
         "source": source.name,
         "driven_m": round(source.track.length, 3),
         **counts,
-        "measured_cells": int(np.count_nonzero(quantiles[..., 0] != NONE)),
+        "measured_cells": int(np.count_nonzero(stacks["quantiles"][..., 0] != NONE)),
         "settings": asdict(settings),
     }
     return HeightGrid(
@@ -113,17 +113,14 @@ def build_height_map(
         yaw=frame.yaw,
         cell=settings.cell_m,
         table=pools.table,
-        quantiles=quantiles,
-        thickness=np.stack(pools.thickness),
-        count=np.stack(pools.count),
-        intensity=np.stack(pools.intensity),
         ground=lattice.astype(np.float32),
         about=about,
+        **stacks,
     )
 
 
 def _gather(
-    source: Source, settings: Settings, frame: Frame, lattice: Array, progress: Progress
+    source: Source, settings: Settings, frame: Frame, lattice: F64, progress: Progress
 ) -> tuple[Samples, dict[str, Any]]:
     """The heights in the cells, and what was counted."""
     gatherer = Gatherer(frame.width, settings.per_cell, settings.seed)
@@ -150,7 +147,7 @@ def _gather(
     return gatherer.finish(), {**counts, "notes": dict(source.notes)}
 
 
-def _check_ground(notes: dict[str, int], lattice: Array, samples: Samples, by: GroundParams) -> None:
+def _check_ground(notes: dict[str, int], lattice: F64, samples: Samples, by: GroundParams) -> None:
     """Notes where echoes lie below what the wheels stood on: no crop is there."""
     low = float(np.median(low_echoes(samples, lattice.shape, NODE_CELLS, by)))
     if low < -by.below_m:
@@ -164,7 +161,7 @@ def _tell(progress: Progress, echoes: Echoes, source: Source) -> None:
         progress(float(np.clip((np.nanmax(echoes.time) - begin) / span, 0.0, 1.0)))
 
 
-def _corrected(lattice: Array, samples: Samples, by: GroundParams) -> tuple[Array, Samples]:
+def _corrected(lattice: F64, samples: Samples, by: GroundParams) -> tuple[F64, Samples]:
     """The ground moved to the lowest echoes, heights counted from there."""
     shift = low_echoes(samples, lattice.shape, NODE_CELLS, by)
     r, c = np.divmod(samples.key, samples.width)
@@ -182,33 +179,25 @@ class _Pools:
 
     def __init__(self, tiles: tuple[int, int]) -> None:
         self.table = np.full(tiles, -1, np.int32)
-        self.quantiles: list[NDArray[np.int16]] = []
-        self.thickness: list[NDArray[np.float32]] = []
-        self.count: list[NDArray[np.uint16]] = []
-        self.intensity: list[NDArray[np.float32]] = []
+        self._tiles: list[list[NDArray[Any]]] = []
 
-    def add(
-        self,
-        samples: Samples,
-        row: int,
-        column: int,
-        heights: NDArray[np.int16],
-        thickness: NDArray[np.float32],
-    ) -> None:
-        """The tiles of a block whose first is (row, column)."""
-        count, light = _own(samples, column * TILE, row * TILE)
+    def add(self, samples: Samples, row: int, column: int, *found: NDArray[Any]) -> None:
+        """The tiles of a block whose first is (row, column). found: its heights and thickness."""
+        block = (*found, *_own(samples, column * TILE, row * TILE))
         for k in range(min(BLOCK // TILE, self.table.shape[1] - column)):
-            part = np.s_[:, k * TILE : (k + 1) * TILE]
-            if (heights[part][..., 0] != NONE).any():
-                self.table[row, column + k] = len(self.quantiles)
-                self.quantiles.append(heights[part])
-                self.thickness.append(thickness[part])
-                self.count.append(count[part])
-                self.intensity.append(light[part])
+            tile = [values[:, k * TILE : (k + 1) * TILE] for values in block]
+            if (tile[0][..., 0] != NONE).any():
+                self.table[row, column + k] = len(self._tiles)
+                self._tiles.append(tile)
+
+    def stacked(self) -> dict[str, NDArray[Any]]:
+        """All tiles by what a grid calls it."""
+        stacks = map(np.stack, zip(*self._tiles, strict=True))
+        return dict(zip(("quantiles", "thickness", "count", "intensity"), stacks, strict=True))
 
 
 def _cells(
-    source: Source, samples: Samples, settings: Settings, frame: Frame, lattice: Array, progress: Progress
+    source: Source, samples: Samples, settings: Settings, frame: Frame, lattice: F64, progress: Progress
 ) -> _Pools:
     """Distributions of all cells, some columns at a time; each time the source is read again."""
     along, across = (_half(m, settings.cell_m) for m in (settings.along_m, settings.across_m))
@@ -243,7 +232,7 @@ def _half(length: float, cell: float) -> int:
     return max(round(0.5 * (length / cell - 1.0) - 1e-9), 0)
 
 
-def _own(samples: Samples, column: int, row: int) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
+def _own(samples: Samples, column: int, row: int) -> tuple[U16, F32]:
     """Echoes in the cells of a block, and their mean intensity, lent to neighbours without."""
     count = np.zeros((TILE + 2, BLOCK + 2), np.uint16)
     light = np.full((TILE + 2, BLOCK + 2), np.nan, np.float32)

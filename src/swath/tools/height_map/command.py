@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import InputError
 from swath.core.number_text import num
-from swath.terminal.options import option
+from swath.terminal.options import made_of, option, verb
 
 PLACE = "measured", 1  # among all commands
 
@@ -14,7 +15,7 @@ def add(parsers: Any) -> None:
     """Add the command and its verb."""
     parser = parsers.add_parser("height-map", help="recorded scans become a map of crop heights")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    made = verbs.add_parser("build", help="make a map from recorded scans", description=_DESCRIPTION)
+    made = verb(verbs, "build", "make a map from recorded scans", run_build, _DESCRIPTION)
     option(made, "source SOURCE", "run folder, .mcap, rosbag, .npz or .csv", type=Path)
     option(made, "--out FILE.npz", "the file to make", type=Path, required=True)
     option(made, "--scans TOPIC", "topic of the scans")
@@ -34,43 +35,28 @@ def add(parsers: Any) -> None:
     option(
         made, "--ground", "ground from the poses alone, or corrected by the lowest echoes", ("pose", "echoes")
     )
-    for key, unit, text in (
-        ("cell", "M", "side of a cell [m] (default 0.05)"),
-        ("along", "M", "length along the path whose heights share a distribution [m] (default 0.5)"),
-        ("across", "M", "width across the path, likewise [m] (default 0.05)"),
-        ("fill", "M", "a cell this near to an echo counts as measured [m] (default 0.1)"),
-        ("reach", "M", "leave out echoes further from the path [m] (default 30)"),
-        ("range-min", "M", "smaller ranges are no echo [m] (default 0.05)"),
-        ("range-max", "M", "larger ranges are no echo [m] (default 200)"),
-    ):
-        made.add_argument(f"--{key}-m", type=float, metavar=unit, help=text)
-    option(made, "--per-cell N", "heights kept per cell (default 32)", type=int)
+    option(made, "--cell-m M", "side of a cell [m]", 0.05)
+    option(made, "--along-m M", "length along the path whose heights share a distribution [m]", 1.0)
+    option(made, "--across-m M", "width across the path, likewise [m]", 0.05)
+    option(made, "--fill-m M", "a cell this near to an echo counts as measured [m]", 0.1)
+    option(made, "--reach-m M", "leave out echoes further from the path [m]", 30.0)
+    option(made, "--range-min-m M", "smaller ranges are no echo [m]", 0.05)
+    option(made, "--range-max-m M", "larger ranges are no echo [m]", 200.0)
+    option(made, "--per-cell N", "heights kept per cell", 32)
     option(made, "--picture PNG", "the picture (default: beside the file)", type=Path)
-    made.set_defaults(run=run_build)
 
 
 def run_build(args: argparse.Namespace) -> int:
     """Make the file and its picture, say what is in it."""
-    from swath.core.errors import InputError
     from swath.terminal.progress import progress_bar
     from swath.tools.height_map.build import Settings, build_height_map, open_source
     from swath.tools.height_map.picture import draw_height_map
-    from swath.tools.height_map.source import Wanted
 
     if args.out.suffix != ".npz":
         raise InputError("--out", str(args.out), "expected a name that ends in .npz")
-    keys = ("cell_m", "along_m", "across_m", "fill_m", "reach_m", "per_cell", "ground")
-    settings = Settings(**{k: v for k in keys if (v := getattr(args, k)) is not None})
-    ranges = {k: v for k in ("range_min", "range_max") if (v := getattr(args, f"{k}_m")) is not None}
-    table = Path(args.poses) if args.poses and args.poses.endswith(".csv") else None
-    wanted = Wanted(
-        scans=args.scans,
-        poses=None if table else args.poses,
-        mount=mount_of(args.mount),
-        to_local=local_of(args.field, args.origin),
-        antenna=_antenna(args.antenna),
-        **ranges,
-    )
+    settings = made_of(Settings, args)
+    antenna = _numbers("--antenna", args.antenna, ("m",) * 3, "x,y,z [m]")
+    wanted, table = wanted_of(args, range_min=args.range_min_m, antenna=antenna)
     source = open_source(args.source, wanted, table)
     with progress_bar(source.name) as progress:
         grid = build_height_map(source, settings, lambda share: progress(share, 1.0))
@@ -84,31 +70,33 @@ def run_build(args: argparse.Namespace) -> int:
     return 0
 
 
-def mount_of(text: str | None, option: str = "--mount") -> Any:
-    """A mounting from the command line."""
+def wanted_of(args: argparse.Namespace, which: str = "", **more: Any) -> tuple[Any, Path | None]:
+    """What options say about a source, and its table of poses. which: `-a` of one of several sources."""
     from swath.core.frames import Pose
-    from swath.core.typed_numbers import numbers_in
     from swath.core.units import DEG
+    from swath.tools.height_map.source import Wanted
 
-    if text is None:
-        return None
-    units = ("m",) * 3 + ("deg",) * 3
-    numbers = numbers_in(option, text, units, "x,y,z,roll,pitch,yaw [m, deg]")
-    return Pose.from_euler(numbers[:3], *(n * DEG for n in numbers[3:]))
+    scans, poses, mount = (
+        getattr(args, name + which.replace("-", "_")) for name in ("scans", "poses", "mount")
+    )
+    table = Path(poses) if poses and poses.endswith(".csv") else None
+    units, form = ("m",) * 3 + ("deg",) * 3, "x,y,z,roll,pitch,yaw [m, deg]"
+    pose = _numbers(f"--mount{which}", mount, units, form)
+    if pose is not None:
+        pose = Pose.from_euler(pose[:3], *(n * DEG for n in pose[3:]))
+    place = {"mount": pose, "to_local": _local_of(args.field, args.origin)}
+    return Wanted(scans, None if table else poses, range_max=args.range_max_m, **place, **more), table
 
 
-def _antenna(text: str | None) -> tuple[float, float, float] | None:
+def _numbers(key: str, text: str | None, units: tuple[str, ...], form: str) -> Any:
+    """Numbers of an option; None where it is not given."""
     from swath.core.typed_numbers import numbers_in
 
-    if text is None:
-        return None
-    x, y, z = numbers_in("--antenna", text, ("m",) * 3, "x,y,z [m]")
-    return x, y, z
+    return None if text is None else tuple(numbers_in(key, text, units, form))
 
 
-def local_of(folder: Path | None, origin: str | None) -> Any:
+def _local_of(folder: Path | None, origin: str | None) -> Any:
     """What makes local metres of longitude, latitude, height; None where neither is given."""
-    from swath.core.errors import InputError
     from swath.core.typed_numbers import numbers_in
     from swath.record.read.fixes import TangentPlane, field_plane
 

@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from swath.core.errors import InputError
 from swath.field.hashing import hash_cells
 from swath.rays.height_grid import DEEP, LEVELS, NONE, PER_THICKNESS, SHARES, THICK, THICKEST, TILE
+from swath.signals import F32, F64, I64, Mask
 from swath.tools.height_map.passing import Passing, thicknesses
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 BUFFER = 1 << 20  # echoes that are held before they are merged
 CELLS_MAX = 20_000_000
 FEWEST_BELOW = 0.25  # times that beams went below the lowest echo of a cell, for it to be open there
@@ -27,14 +26,14 @@ class Samples:
     """
 
     width: int
-    key: Ints
+    key: I64
     height: NDArray[np.int16]
-    cells: Ints
-    counts: Ints
-    intensity: Array
+    cells: I64
+    counts: I64
+    intensity: F64
 
     @property
-    def number(self) -> Array:
+    def number(self) -> F64:
         """Echoes that each kept height stands for, (n,)."""
         kept = np.searchsorted(self.key, self.cells, side="right") - np.searchsorted(self.key, self.cells)
         return np.repeat(self.counts / np.maximum(kept, 1), kept)
@@ -50,15 +49,15 @@ class Gatherer:
     def __init__(self, width: int, per_cell: int, seed: int, *, buffer: int = BUFFER) -> None:
         self.width, self.per_cell, self.seed, self.buffer = width, per_cell, seed, buffer
         self.echo_count = 0
-        self._parts: list[tuple[Ints, NDArray[np.int16], NDArray[np.uint32]]] = []
-        self._bright: list[tuple[Ints, Array]] = []
+        self._parts: list[tuple[I64, NDArray[np.int16], NDArray[np.uint32]]] = []
+        self._bright: list[tuple[I64, F64]] = []
         self._waiting = 0
         empty = np.zeros(0, np.int64)
         self._key, self._height, self._rank = empty, np.zeros(0, np.int16), np.zeros(0, np.uint32)
         self._cells, self._counts = empty, empty
         self._sum, self._lit = np.zeros(0), empty
 
-    def add(self, column: Ints, row: Ints, height_mm: Array, intensity: Array) -> None:
+    def add(self, column: I64, row: I64, height_mm: F64, intensity: F64) -> None:
         """Echoes in cells, all (n,)."""
         key = row * self.width + column
         number = self.echo_count + np.arange(len(key))
@@ -120,7 +119,7 @@ def pool(
     across: int,
     fill: int = 1,
     passing: Passing | None = None,
-) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
+) -> tuple[NDArray[np.int16], F32]:
     """Levels of a block of cells whose first is (column, row), (TILE, BLOCK, LEVELS), NONE = never measured,
     and their thickness, (TILE, BLOCK); as in a `HeightGrid`.
 
@@ -153,14 +152,14 @@ class _Block:
 
     column: int
     row: int
-    r: Ints
-    c: Ints
-    h: Ints
-    number: Array
+    r: I64
+    c: I64
+    h: I64
+    number: F64
     passing: Passing | None
 
 
-def _touched(r: Ints, c: Ints, fill: int) -> NDArray[np.bool_]:
+def _touched(r: I64, c: I64, fill: int) -> Mask:
     """Cells of the block with an echo within `fill` rows and columns."""
     has = np.zeros((TILE + 4 * fill, BLOCK + 4 * fill), bool)
     close = (r >= -fill) & (r < TILE + fill) & (c >= -fill) & (c < BLOCK + fill)
@@ -171,12 +170,12 @@ def _touched(r: Ints, c: Ints, fill: int) -> NDArray[np.bool_]:
 
 
 def _fill(
-    found: tuple[NDArray[np.int16], NDArray[np.float32]],
+    found: tuple[NDArray[np.int16], F32],
     b: _Block,
     along: int,
     across: int,
-    which: NDArray[np.bool_],
-    open_to: Array | None = None,
+    which: Mask,
+    open_to: F64 | None = None,
 ) -> None:
     """Levels and thickness of some cells from the window around them.
 
@@ -228,7 +227,7 @@ def _fill(
     found[1][cell[first]] = np.minimum(np.where(closed, -np.maximum(whole, THICK), whole), THICKEST)
 
 
-def _reaching(first: Ints, count: Ints, upper: Array, wanted: Array) -> Ints:
+def _reaching(first: I64, count: I64, upper: F64, wanted: F64) -> I64:
     """The lowest height of each cell whose upper side no more than a thickness lies above, both (n, k)."""
     rank = TALL * np.arange(len(first))
     sides = np.repeat(rank, count) - upper
@@ -236,7 +235,7 @@ def _reaching(first: Ints, count: Ints, upper: Array, wanted: Array) -> Ints:
     return np.clip(index, first[:, None], (first + count - 1)[:, None])
 
 
-def _between(first: Ints, count: Ints, height: Ints, upper: Array, middle: NDArray[np.int16]) -> Array:
+def _between(first: I64, count: I64, height: I64, upper: F64, middle: NDArray[np.int16]) -> F64:
     """Thickness above even heights between the lowest of each cell and `middle`, as in a `HeightGrid`."""
     part = np.arange(1, DEEP) / DEEP
     at = height[first][:, None] + (middle - height[first])[:, None] * part
@@ -246,7 +245,7 @@ def _between(first: Ints, count: Ints, height: Ints, upper: Array, middle: NDArr
     return np.round(PER_THICKNESS * np.minimum(upper[index], THICKEST))
 
 
-def _counted(first: Ints, count: Ints, weight: Array) -> Array:
+def _counted(first: I64, count: I64, weight: F64) -> F64:
     """Thickness above the upper side of each height, where all echoes say the same."""
     run = np.cumsum(weight)
     before = np.repeat((run - weight)[first], count)

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.frames import rotation_matrices
+from swath.signals import F64
 from swath.tools.height_map.gather import Samples
 from swath.tools.height_map.poses import PoseTrack
 
-Array = NDArray[np.float64]
 BLOCK = 16  # nodes along a block that is worked on at once
 AT_ONCE = 1 << 20  # nodes of windows that are copied at once
 
@@ -43,7 +42,7 @@ class Params:
 USUAL = Params()
 
 
-def ground_of_poses(track: PoseTrack, x: Array, y: Array, params: Params = USUAL) -> Array:
+def ground_of_poses(track: PoseTrack, x: F64, y: F64, params: Params = USUAL) -> F64:
     """Height [m] of the planes that the machine stood on at world points x, y, (ny, nx).
 
     It is a weighted mean along the path with gaussian weights, nearest poses most. A pose's plane is its x-y
@@ -62,7 +61,7 @@ def ground_of_poses(track: PoseTrack, x: Array, y: Array, params: Params = USUAL
     return height
 
 
-def _planes(track: PoseTrack, step: float) -> tuple[Array, Array]:
+def _planes(track: PoseTrack, step: float) -> tuple[F64, F64]:
     """Points (n, 3) and slopes (n, 2) of the ground every `step` [m] of way."""
     distance = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track.position[:, :2], axis=0).T))])
     index = np.unique(
@@ -74,7 +73,7 @@ def _planes(track: PoseTrack, step: float) -> tuple[Array, Array]:
     return track.position[index], slope
 
 
-def _blend(place: Array, slope: Array, x: Array, y: Array, smooth: float) -> Array:
+def _blend(place: F64, slope: F64, x: F64, y: F64, smooth: float) -> F64:
     dx, dy = x[:, None] - place[:, 0], y[:, None] - place[:, 1]
     square = dx**2 + dy**2
     weight = np.exp(-0.5 * (square - square.min(axis=1, keepdims=True)) / smooth**2)
@@ -82,7 +81,7 @@ def _blend(place: Array, slope: Array, x: Array, y: Array, smooth: float) -> Arr
     return np.asarray((weight * level).sum(axis=1) / weight.sum(axis=1))
 
 
-def low_echoes(samples: Samples, shape: tuple[int, ...], node_cells: int, params: Params = USUAL) -> Array:
+def low_echoes(samples: Samples, shape: tuple[int, ...], node_cells: int, params: Params = USUAL) -> F64:
     """Height of the lowest echoes at lattice nodes above the ground that heights count from [m].
 
     In each patch of node_cells x node_cells cells it is the low share of the heights. Patches where that is
@@ -111,7 +110,7 @@ def low_echoes(samples: Samples, shape: tuple[int, ...], node_cells: int, params
     return np.asarray(0.25 * (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]))
 
 
-def grown(field: Array) -> Array:
+def grown(field: F64) -> F64:
     """Fill each unknown node outwards from the known ones, with the mean of those beside it."""
     padded = np.pad(field, 1, constant_values=np.nan)
     flat, inside = padded.ravel(), np.pad(np.ones(field.shape, bool), 1).ravel()
@@ -125,12 +124,12 @@ def grown(field: Array) -> Array:
     return padded[1:-1, 1:-1]
 
 
-def around(field: Array) -> Array:
+def around(field: F64) -> F64:
     """Mean of the 3 x 3 nodes around each, nan left out."""
     return _windows(field, 1, np.nanmean)
 
 
-def _windows(field: Array, reach: int, combine: Callable[..., Any]) -> Array:
+def _windows(field: F64, reach: int, combine: Callable[..., Any]) -> F64:
     """What `combine` gives for the nodes within `reach` on all sides of each, nan where none is known."""
     padded = np.pad(field, reach, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * reach + 1, 2 * reach + 1))

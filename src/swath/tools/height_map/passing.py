@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.rays.height_grid import lattice_height
+from swath.signals import F64
 from swath.tools.height_map.place import Frame, Placed
 
-Array = NDArray[np.float64]
 LAYER_M = 0.05
 LAYERS_MAX = 128
 FLATTEST = 0.18  # tan of 10 deg: flatter beams count as if they fell this steeply
@@ -41,7 +41,7 @@ class Passing:
         """Number of columns."""
         return int(self.times.shape[1])
 
-    def add(self, echoes: Placed, frame: Frame, lattice: Array) -> None:
+    def add(self, echoes: Placed, frame: Frame, lattice: F64) -> None:
         """Follow beams from their echoes back towards the sensor, until they are above everything."""
         if echoes.sensor is None or len(echoes.points) == 0:
             return
@@ -74,7 +74,7 @@ class Passing:
             at = at + step[:, None] * direction
             left = left - step
 
-    def pooled(self, row: int, column: int, shape: tuple[int, int], along: int, across: int) -> Array:
+    def pooled(self, row: int, column: int, shape: tuple[int, int], along: int, across: int) -> F64:
         """Times around each cell of a block, summed over the window, (rows, columns, layers)."""
         r0, c0 = row - self.row - across, column - self.first - along
         rows, columns = shape[0] + 2 * across, shape[1] + 2 * along
@@ -88,7 +88,7 @@ class Passing:
         return np.asarray(total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w])
 
 
-def thicknesses(cell: NDArray[Any], layer: NDArray[Any], number: Array, times: Array) -> tuple[Array, Array]:
+def thicknesses(cell: NDArray[Any], layer: NDArray[Any], number: F64, times: F64) -> tuple[F64, F64]:
     """Thickness of what stands above the upper side of each measured height, (n,), and of all there is in
     every cell: -log of the share of beams that get there from above.
 
@@ -109,5 +109,5 @@ def thicknesses(cell: NDArray[Any], layer: NDArray[Any], number: Array, times: A
     first = np.concatenate([[0], last[:-1] + 1])
     over = np.repeat(total[last], np.diff(last, prepend=-1)) - total  # of the layers above
     stopped = np.repeat(-np.expm1(-hazard), size)  # share of the beams that get there, the same per echo
-    upper: Array = np.repeat(over, size) - np.log1p(-stopped * np.clip(1.0 - to_it, 0.0, 1.0))
+    upper: F64 = np.repeat(over, size) - np.log1p(-stopped * np.clip(1.0 - to_it, 0.0, 1.0))
     return upper, over[first] + hazard[first]

@@ -4,18 +4,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.number_text import num
 from swath.rays.height_grid import DEEP, NODES, NONE, SHARES, TILE, HeightGrid
 from swath.report import plots
+from swath.signals import F64
 
-Array = NDArray[np.float64]
 PIXELS = 1600  # along the longer side; larger grids are thinned
 NEVER = "#d9d9d9"
 
 
-def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> Path:
+def draw_height_map(grid: HeightGrid, path: Path, way: F64 | None = None) -> Path:
     """Write a PNG in the grid's own frame. way: driven places (n, 2) in the world."""
     import matplotlib
     from matplotlib.colors import LogNorm, Normalize
@@ -62,7 +61,7 @@ def draw_height_map(grid: HeightGrid, path: Path, way: Array | None = None) -> P
     return plots.write_picture(path, fig, 110)
 
 
-def _values(grid: HeightGrid, tiles: Any, levels: Any) -> tuple[Array, Array, Array]:
+def _values(grid: HeightGrid, tiles: Any, levels: Any) -> tuple[F64, F64, F64]:
     """Of the cells of some tiles, thinned where there are many: counts, and heights [m] at two quantiles."""
     table = grid.table[tiles]
     thin = max(1, -(-max(table.shape) * TILE // PIXELS))
@@ -77,7 +76,7 @@ def _values(grid: HeightGrid, tiles: Any, levels: Any) -> tuple[Array, Array, Ar
     return found[0], found[1], found[2]
 
 
-def _across(ax: Any, low: Array, high: Array, extent: Any) -> None:
+def _across(ax: Any, low: F64, high: F64, extent: Any) -> None:
     """Heights over the place across the way, from the half of the columns in the middle."""
     columns = low.shape[1]
     middle = np.s_[:, columns // 4 : max(columns - columns // 4, columns // 4 + 1)]

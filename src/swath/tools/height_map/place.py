@@ -2,16 +2,16 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.rays.height_grid import NODE_CELLS, NODES, TILE, lattice_height
+from swath.signals import F64
 from swath.tools.height_map.poses import PoseTrack
 from swath.tools.height_map.source import Echoes, Source
 
-Array = NDArray[np.float64]
 TILES_MAX = 1 << 20  # the nodes of so many take some 700 MB
 BATCH = 1 << 15  # echoes that are worked on at once
 
@@ -34,7 +34,7 @@ class Frame:
         self.origin = np.array([self._c * low[0] - self._s * low[1], self._s * low[0] + self._c * low[1]])
         self.width, self.length = self.tiles[1] * TILE, self.tiles[0] * TILE
 
-    def lay(self, height: Callable[[Array, Array], Array]) -> Array:
+    def lay(self, height: Callable[[F64, F64], F64]) -> F64:
         """Heights [m] of the ground at the nodes, over `z0`, which they set. height: at world points x, y."""
         base = height(*self.nodes())
         self.z0 = float(np.floor(base.min()))
@@ -45,17 +45,17 @@ class Frame:
         """Spacing of the ground lattice [m]."""
         return self.cell * NODE_CELLS
 
-    def to_local(self, points: Array) -> Array:
+    def to_local(self, points: F64) -> F64:
         """World points (n, 3) in the local frame."""
         x, y = points[:, 0] - self.origin[0], points[:, 1] - self.origin[1]
         local = [self._c * x + self._s * y, self._c * y - self._s * x, points[:, 2] - self.z0]
         return np.stack(local, axis=1)
 
-    def to_world(self, u: Array, v: Array) -> tuple[Array, Array]:
+    def to_world(self, u: F64, v: F64) -> tuple[F64, F64]:
         """World x, y of local ones."""
         return self.origin[0] + self._c * u - self._s * v, self.origin[1] + self._s * u + self._c * v
 
-    def nodes(self) -> tuple[Array, Array]:
+    def nodes(self) -> tuple[F64, F64]:
         """World x, y of the lattice nodes, (ny, nx) each."""
         along = np.arange(self.tiles[1] * NODES + 1) * self.node
         return self.to_world(*np.meshgrid(along, np.arange(self.tiles[0] * NODES + 1) * self.node))
@@ -68,14 +68,14 @@ class Placed:
     sensor: where each was seen from (n, 3), None when that is not known
     """
 
-    points: Array
-    height: Array
-    sensor: Array | None
-    intensity: Array
+    points: F64
+    height: F64
+    sensor: F64 | None
+    intensity: F64
     unknown_count: int
 
 
-def placed(source: Source, echoes: Echoes, frame: Frame, lattice: Array) -> Placed:
+def placed(source: Source, echoes: Echoes, frame: Frame, lattice: F64) -> Placed:
     """Echoes at the place that the poses give them."""
     place, rotation, known = source.track.at(echoes.time)
     mounting = echoes.mounting or source.mounting
@@ -90,7 +90,7 @@ def placed(source: Source, echoes: Echoes, frame: Frame, lattice: Array) -> Plac
     return Placed(local, height, sensor, echoes.intensity[known], unknown)
 
 
-def left_above(source: Source, echoes: Echoes, frame: Frame, lattice: Array, top: float) -> Placed:
+def left_above(source: Source, echoes: Echoes, frame: Frame, lattice: F64, top: float) -> Placed:
     """Beams without echo that got above everything, `top` over the ground [m], within the range known to be.
 
     Their ends are placed where they left the crop. Beams without echo that point at the ground are left out:
@@ -123,13 +123,7 @@ def batches(source: Source) -> Iterator[Echoes]:
 
 
 def _joined(held: list[Echoes]) -> Echoes:
-    return Echoes(
-        np.concatenate([e.time for e in held]),
-        np.concatenate([e.points for e in held]),
-        np.concatenate([e.intensity for e in held]),
-        sum(e.silent_count for e in held),
-        sum(e.scan_count for e in held),
-        np.concatenate([e.silent for e in held]),
-        np.concatenate([e.silent_time for e in held]),
-        held[0].mounting,
-    )
+    names = ("time", "points", "intensity", "silent", "silent_time")
+    whole: dict[str, Any] = {name: np.concatenate([getattr(e, name) for e in held]) for name in names}
+    whole |= {name: sum(getattr(e, name) for e in held) for name in ("silent_count", "scan_count")}
+    return Echoes(**whole, mounting=held[0].mounting)

@@ -4,12 +4,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import rotation_matrices, wrap_angle
+from swath.signals import F64, Mask
 
-Array = NDArray[np.float64]
 SLACK_S = 0.1  # a beam may be this much before the first or after the last pose [s]
 LATEST_S = 1e12  # beyond every clock: 30,000 years
 
@@ -20,11 +19,11 @@ class PoseTrack:
     [rad], without jumps.
     """
 
-    time: Array
-    position: Array
-    angle: Array
+    time: F64
+    position: F64
+    angle: F64
 
-    def at(self, time: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def at(self, time: F64) -> tuple[F64, F64, Mask]:
         """Positions (n, 3), rotations (n, 3, 3) at times, linear in between, and where the track knows.
 
         Up to SLACK_S beyond its ends it goes on at the speed of the SLACK_S before.
@@ -56,7 +55,7 @@ class PoseTrack:
         return float(np.hypot(*np.diff(self.position[:, :2], axis=0).T).sum())
 
 
-def _between(at: Array, time: Array, rows: Array) -> Array:
+def _between(at: F64, time: F64, rows: F64) -> F64:
     """Columns of rows (m, k) at times, (n, k)."""
     return np.stack([np.interp(at, time, column) for column in rows.T], axis=1)
 

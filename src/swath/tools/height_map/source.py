@@ -17,16 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
 from swath.core.units import DEG
 from swath.documents.number_table import column_names, number_blocks, read_numbers
 from swath.documents.packed import read_arrays
+from swath.signals import F64
 from swath.tools.height_map.poses import PoseTrack, make_track
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -38,13 +36,13 @@ class Echoes:
     mounting: pose_machine_sensor where it is not that of the source
     """
 
-    time: Array
-    points: Array
-    intensity: Array
+    time: F64
+    points: F64
+    intensity: F64
     silent_count: int = 0
     scan_count: int = 1
-    silent: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    silent_time: Array = field(default_factory=lambda: np.zeros(0))
+    silent: F64 = field(default_factory=lambda: np.zeros((0, 3)))
+    silent_time: F64 = field(default_factory=lambda: np.zeros(0))
     mounting: Pose | None = None
 
 
@@ -86,11 +84,11 @@ class Wanted:
     mount: Pose | None = None
     range_min: float = 0.05
     range_max: float = 200.0
-    to_local: Callable[[Array], Array] | None = None
+    to_local: Callable[[F64], F64] | None = None
     antenna: tuple[float, float, float] | None = None
 
 
-def polar_points(ranges: Array, azimuth: Array, elevation: Array | float = 0.0) -> Array:
+def polar_points(ranges: F64, azimuth: F64, elevation: F64 | float = 0.0) -> F64:
     """Points in the sensor frame [m], (n, 3)."""
     flat = ranges * np.cos(elevation)
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), ranges * np.sin(elevation)], axis=-1)
@@ -183,7 +181,7 @@ def read_poses(path: Path) -> PoseTrack:
     return _track(table, table["t_s"], path)
 
 
-def _own_poses(data: Mapping[str, Any], time: Array, path: Path) -> PoseTrack:
+def _own_poses(data: Mapping[str, Any], time: F64, path: Path) -> PoseTrack:
     if "pos_along_m" in data:
         along = _array(data, "pos_along_m", time.shape, path)
         table = {"x_m": along, "y_m": np.zeros_like(along)}
@@ -194,7 +192,7 @@ def _own_poses(data: Mapping[str, Any], time: Array, path: Path) -> PoseTrack:
     return _track(table, time, path)
 
 
-def _track(table: Mapping[str, Array], time: Array, path: Path) -> PoseTrack:
+def _track(table: Mapping[str, F64], time: F64, path: Path) -> PoseTrack:
     zero = np.zeros(len(time))
     position = np.stack([table["x_m"], table["y_m"], table.get("z_m", zero)], axis=1)
     angle = np.stack([table.get(n, zero) for n in OPTIONAL_POSE[1:]], axis=1) * DEG
@@ -206,7 +204,7 @@ def _track(table: Mapping[str, Array], time: Array, path: Path) -> PoseTrack:
 
 def _array(
     data: Mapping[str, Any], key: str, shape: tuple[int, ...], path: Path, default: float | None = None
-) -> Array:
+) -> F64:
     """An array of numbers of a shape, in which -1 stands for any length but 0."""
     if key not in data and default is not None:
         return np.full(shape, default)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, former, option
+from swath.terminal.options import add_folder, add_sets, former, made_of, option, verb
 
 PLACE = "measured", 4  # among all commands
 
@@ -13,9 +13,7 @@ def add(parsers: Any) -> None:
     """Add the command and its verb."""
     parser = parsers.add_parser("lab", help="what scanners measure over stands of known density")
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    made = verbs.add_parser(
-        "stand", help="measured heights by density, scanner and view", description=_DESCRIPTION
-    )
+    made = verb(verbs, "stand", "measured heights by density, scanner and view", run_stand, _DESCRIPTION)
     add_folder(made, "lab", "lab.csv", "report.html")
     option(made, "--stems-per-m2 N", "density of the stands (default 200 600)", nargs="+", type=float)
     option(made, "--sensor NAME", "scanners (default: LMS511 HR and SR)", nargs="+")
@@ -35,7 +33,6 @@ def add(parsers: Any) -> None:
     option(made, "--distance-m M", "to the crop along the middle beam", 5.0)
     add_sets(made, "a parameter of the LiDAR, e.g. echo=nearest or noise=none; may be given several times")
     former(made, crop_height_m="--height", stems_per_m2="--density")
-    made.set_defaults(run=run_stand)
 
 
 def run_stand(args: argparse.Namespace) -> int:
@@ -70,16 +67,8 @@ def run_stand(args: argparse.Namespace) -> int:
 def _settings(args: argparse.Namespace) -> Any:
     from swath.tools.lab.lab import Settings
 
-    lists = {
-        "densities": args.stems_per_m2,
-        "sensors": args.sensor,
-        "depressions_deg": args.depression_deg,
-        "levels": args.levels,
-    }
-    given: dict[str, Any] = {k: tuple(v) for k, v in lists.items() if v is not None}
-    given |= {"crop": args.crop, "height_m": args.crop_height_m, "distance_m": args.distance_m}
-    given |= {"seed": args.seed, "seeds": args.seeds, "sets": _sets(args.sets)}
-    return Settings(**given)
+    names = {"densities": "stems_per_m2", "sensors": "sensor", "depressions_deg": "depression_deg"}
+    return made_of(Settings, args, {**names, "height_m": "crop_height_m"}, sets=_sets(args.sets))
 
 
 def _sets(texts: list[str]) -> dict[str, Any]:

@@ -130,7 +130,7 @@ class Lab:
     notes: tuple[str, ...]
 
 
-def run_lab(settings: Settings, progress: Progress | None = None) -> Lab:
+def run_lab(settings: Settings, progress: Progress = lambda done, total: None) -> Lab:
     """Scan every case with every level and seed. The same settings give the same heights."""
     crop = load_crop(settings.crop, settings.base)
     height = crop.stand.height if settings.height_m is None else settings.height_m
@@ -153,8 +153,7 @@ def run_lab(settings: Settings, progress: Progress | None = None) -> Lab:
                 for name in levels:
                     found[case][name].append(bench.heights(name))
                     done += 1
-                    if progress is not None:
-                        progress(done, total)
+                    progress(done, total)
     made = tuple(CaseHeights(c, {k: tuple(v) for k, v in rows.items()}) for c, rows in found.items())
     return Lab(settings, height, levels, made, notes)
 

@@ -9,7 +9,7 @@ from subprocess import DEVNULL
 from typing import Any
 
 from swath.core.process.processes import start_module
-from swath.terminal.options import add_folder
+from swath.terminal.options import add_folder, verb
 
 PLACE = "start", 1  # among all commands
 LEVELS = ("empirical", "plants")  # `replay` plays a recording; `heights` has all three
@@ -95,10 +95,9 @@ NOT_REPRODUCED = (
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("paper", help="the paper's figures, made here", description=_DESCRIPTION)
+    parser = verb(parsers, "paper", "the paper's figures, made here", run, _DESCRIPTION)
     add_folder(parser, "paper", *FILES, text="where to write (default: paper)", required=False)
     parser.set_defaults(out=Path("paper"))
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

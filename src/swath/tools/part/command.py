@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, option, verb
 
 PLACE = "look", 5  # among all commands
 USUAL = "straight"
@@ -17,7 +17,7 @@ FILES = ("inputs.csv", "outputs.csv")
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("part", help="one slot of a scenario on its own", description=_DESCRIPTION)
+    parser = verb(parsers, "part", "one slot of a scenario on its own", run, _DESCRIPTION)
     option(parser, "slot SLOT", "combine.process, or process where there is one machine")
     option(
         parser, "--input X.csv|RUN", "its inputs: a table, or a run; without it, print the columns", type=Path
@@ -26,7 +26,6 @@ def add(parsers: Any) -> None:
     help_ = "folder for inputs.csv and outputs.csv"
     add_folder(parser, "part", *FILES, text=help_, required=False, alone=False)
     add_sets(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

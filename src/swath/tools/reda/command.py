@@ -5,7 +5,7 @@ import os
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_folder, former, option
+from swath.terminal.options import add_folder, former, made_of, option, verb
 
 TARGETS = ("person", "animal", "person-lying", "animal-fawn", "animal-hare")
 PLACE = "many", 4  # among all commands
@@ -17,9 +17,7 @@ How: docs/explanation/validation.md."""
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "reda", help="where sensors detect a person in crop", description=_DESCRIPTION
-    )
+    parser = verb(parsers, "reda", "where sensors detect a person in crop", run, _DESCRIPTION)
     add_folder(parser, "result", "reda.part.jsonl", "reda.csv", "scores.csv", "report.html", "reda-*.png")
     option(parser, "--crop-height-m M", "height of the crop (default 0.6 0.85)", nargs="+", type=float)
     option(parser, "--stems-per-m2 N", "density of the stand (default 300 500)", nargs="+", type=float)
@@ -45,7 +43,6 @@ def add(parsers: Any) -> None:
     option(parser, "--seed N", "seed", 1)
     option(parser, "--workers N", "processes (default: cores)", type=int)
     former(parser, crop_height_m="--height", stems_per_m2="--density")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -76,14 +73,8 @@ def run(args: argparse.Namespace) -> int:
 def _settings(args: argparse.Namespace) -> Any:
     from swath.tools.reda.scene import Settings
 
-    lists = {
-        "heights": args.crop_height_m,
-        "densities": args.stems_per_m2,
-        "weathers": args.weather,
-        "hours": args.hour,
-        "sensors": args.sensor,
-    }
-    given: dict[str, Any] = {k: tuple(v) for k, v in lists.items() if v is not None}
-    given |= {"target_height": args.target_height_m, "moisture": args.moisture_percent}
-    names = ("target", "crop", "camera_px", "camera_least_px", "least", "repeats", "seed")
-    return Settings(**given, **{name: getattr(args, name) for name in names})
+    names = {
+        "heights": "crop_height_m", "densities": "stems_per_m2", "weathers": "weather", "hours": "hour",
+        "sensors": "sensor", "target_height": "target_height_m", "moisture": "moisture_percent",
+    }  # fmt: skip
+    return made_of(Settings, args, names)

@@ -10,9 +10,8 @@ from swath.core.number_text import num
 from swath.report import plots
 from swath.report.html import Facts, Figure, Section, Table, write_page
 from swath.report.plots import CROP, FAINT, INK, ON_DARK, ON_LIGHT, figure
-from swath.tools.reda.reda import ASKED, Found, write_cells
+from swath.tools.reda.reda import ASKED, Cell, Found, write_cells
 from swath.tools.reda.scene import ASIDE, EDGE_M, INSIDE, WEATHERS, Settings
-from swath.tools.reda.scores import Cell
 
 DARK = 0.55  # shares above this are written in white
 ASIDE_STEP = ASIDE[1] - ASIDE[0]

@@ -1,23 +1,75 @@
-"""The run of `swath reda`: every condition, sensor and place."""
+"""The run of `swath reda`: every condition, sensor and place, and the scores of a sensor in a condition.
+
+The three scores are named after Validation Scores (doi:10.3390/electronics13122396). Of that paper the
+abstract was read: scores of usability, availability and reliability from errors place by place and by
+statistics. The formulas here are our own.
+"""
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, astuple, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
+from math import sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from swath import __version__
 from swath.core.errors import SwathError
 from swath.core.files.whole_file import write_csv, write_whole
 from swath.documents.text_file import read_text
+from swath.judge.evaluator import mean
 from swath.runtime.workers import Lost, in_workers
 from swath.tools.reda.scene import SCANS, Condition, Scene, Sensor, Settings, make_sensor, places
-from swath.tools.reda.scores import Cell, Scores, scores_of
 
 KEPT = "reda.part.jsonl"  # of a run that is not through
 ASKED = 3.0  # of the places in the crop, for the table [m]
+Z = 1.96  # of an interval of 95 %
 Progress = Callable[[int, int], None]
+
+
+class Cell(NamedTuple):
+    """A place. detected: share of the looks at a person there; false: of those at nobody; looks: how many."""
+
+    inside: float
+    aside: float
+    detected: float
+    false: float
+    looks: int
+    why: str
+
+    @property
+    def net(self) -> float:
+        """Share of the looks that detect the person, without those that report something there anyway."""
+        return max(self.detected - self.false, 0.0) / max(1.0 - self.false, 1e-9)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """usability: share of the places that are covered in at least `least` of the looks.
+
+    availability: share of all looks that detect the person
+    reliability: lower end of the interval of 95 % of being right, over all looks with a person and without
+        (Wilson 1927)
+    """
+
+    usability: float
+    availability: float
+    reliability: float
+
+
+def scores_of(cells: Sequence[Cell], least: float) -> Scores:
+    """Scores of all places of a condition."""
+    net = [cell.net for cell in cells]
+    right = mean([0.5 * (cell.detected + 1.0 - cell.false) for cell in cells])
+    looks = 2 * sum(cell.looks for cell in cells)
+    return Scores(mean([float(n >= least) for n in net]), mean(net), lower_end(right, looks))
+
+
+def lower_end(share: float, count: int) -> float:
+    """Lower end of the 95 % interval of a share of so many looks."""
+    square = Z * Z / count
+    half = Z * sqrt(share * (1.0 - share) / count + 0.25 * square / count)
+    return max((share + 0.5 * square - half) / (1.0 + square), 0.0)
 
 
 @dataclass(frozen=True)
@@ -37,7 +89,7 @@ def run_reda(
     settings: Settings,
     *,
     processes: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = lambda done, total: None,
     kept: Path | None = None,
 ) -> list[Found]:
     """All conditions in their order. The same settings give the same numbers, whatever the processes.
@@ -50,8 +102,7 @@ def run_reda(
         found.append(made)
         if kept is not None:
             _keep(kept, settings, found)
-        if progress is not None:
-            progress(done, len(conditions))
+        progress(done, len(conditions))
     return found
 
 
@@ -59,9 +110,8 @@ def _keep(path: Path, settings: Settings, found: list[Found]) -> None:
     """What is done, a line of JSON each, after a line with the settings."""
     lines = [json.dumps(_settings_of(settings))]
     for made in found:
-        cells = {name: [astuple(c) for c in cells] for name, cells in made.cells.items()}
-        asked = [[*key, astuple(cell)] for key, cell in made.asked.items()]
-        lines.append(json.dumps({"cells": cells, "asked": asked}))
+        asked = [[*key, cell] for key, cell in made.asked.items()]
+        lines.append(json.dumps({"cells": made.cells, "asked": asked}))
     write_whole(path, "\n".join(lines) + "\n")
 
 
@@ -91,17 +141,13 @@ def _made(settings: Settings, conditions: list[Condition], processes: int) -> It
     if processes < 2 or not conditions:
         yield from map(partial(measure, settings), conditions)
         return
-    begin = partial(_begin, settings)
+    begin = partial(partial, _measured, settings)  # called without an argument in each worker
     for condition, made in in_workers(conditions, begin, processes, in_order=True):
         if isinstance(made, Lost):
             raise SwathError(f"{condition.name}: {made}")
         if isinstance(made, SwathError):
             raise made
         yield made
-
-
-def _begin(settings: Settings) -> Callable[[Condition], Found | SwathError]:
-    return partial(_measured, settings)
 
 
 def _measured(settings: Settings, condition: Condition) -> Found | SwathError:

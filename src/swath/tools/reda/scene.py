@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from math import asin, atan2, cos, exp, hypot, inf, log10, pi, tan
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -251,17 +251,7 @@ class Answer:
     why: str
 
 
-class Sensor(Protocol):
-    """What a kind of sensor does in a scene."""
-
-    def look(self, inside: float, aside: float) -> Answer:
-        """At a person there."""
-
-    def false_share(self, inside: float, aside: float) -> float:
-        """Share of looks without a person that report one there."""
-
-
-def make_sensor(name: str, scene: Scene) -> Sensor:
+def make_sensor(name: str, scene: Scene) -> "Sensor":
     """A sensor by its name in SENSORS."""
     if name == "lidar":
         return LidarSensor(scene)
@@ -510,6 +500,9 @@ class ThermalSensor(Picture):
             return 0.0, 0.0
         contrast = abs(float(kelvin[own].mean() - around.mean()))
         return float(own.sum()) * (self._focal / focal) ** 2, contrast / max(float(around.std()), 0.01)
+
+
+Sensor = LidarSensor | RadarSensor | CameraSensor | ThermalSensor
 
 
 def _why(echo: float, loss: float, clutter: float) -> str:

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import add_replace, add_scenario_options, option
+from swath.terminal.options import add_replace, add_scenario_options, option, verb
 
 PLACE = "look", 4  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("rerun", help="run a recording again", description=_DESCRIPTION)
+    parser = verb(parsers, "rerun", "run a recording again", run, _DESCRIPTION)
     option(parser, "source RUN", "a run folder, or its run.mcap", type=Path)
     option(
         parser,
@@ -22,29 +22,22 @@ def add(parsers: Any) -> None:
     add_scenario_options(parser)
     add_replace(parser)
     option(parser, "--quiet", "print nothing but the folder of the run")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Exit code as of `swath run`; 0 too where slots differ from the recording."""
-    from swath.runtime.folder import choose_run_folder
-    from swath.terminal.outcome import print_outcome
+    from swath.runtime.folder import folder_for
+    from swath.terminal.outcome import tell
     from swath.tools.rerun.rerun import plan_rerun
 
     slots = None if args.slots is None else [s.strip() for s in args.slots.split(",") if s.strip()]
     rerun = plan_rerun(args.source, slots=slots, sets=args.sets, seed=args.seed)
-    scenario = rerun.scenario
-    out = choose_run_folder(
-        scenario.name, scenario.seed, args.out, what="rerun", summary=scenario.summary, events=rerun.events,
-        replace=args.replace,
-    )  # fmt: skip
+    out = folder_for(rerun.scenario, args.out, what="rerun", events=rerun.events, replace=args.replace)
     result = rerun.run(out, progress=not args.quiet)
-    if args.quiet:
-        print(out)
-        return int(result.exit_code)
-    print_outcome(result.summary, out)
-    _print_comparison(result.summary["rerun"])
-    return int(result.exit_code)
+    code = tell(result, out, quiet=args.quiet)
+    if not args.quiet:
+        _print_comparison(result.summary["rerun"])
+    return code
 
 
 def _print_comparison(rerun: dict[str, Any]) -> None:

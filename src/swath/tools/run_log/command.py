@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import option
+from swath.terminal.options import option, verb
 
 PLACE = "look", 7  # among all commands
 
@@ -12,10 +12,9 @@ PLACE = "look", 7  # among all commands
 def add(parsers: Any) -> None:
     """Add the command."""
     text = "the numbers of a run as MF4, BLF or ASC"
-    parser = parsers.add_parser("run-log", help=text, description=_DESCRIPTION)
+    parser = verb(parsers, "run-log", text, run, _DESCRIPTION)
     option(parser, "run_folder RUN", "a run folder", type=Path)
     option(parser, "--out F", "F.mf4, F.blf or F.asc", type=Path, required=True)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

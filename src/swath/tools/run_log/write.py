@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import Extra, InputError
 from swath.core.files.whole_file import new_file, write_whole
 from swath.core.schedule import NS
 from swath.record.read.feed import exact_outputs, exact_samples
 from swath.record.read.files import RUN, open_log
+from swath.signals import F64
 from swath.signals.flat import flat_fields, read
 
 BEGIN = datetime(2000, 1, 1, tzinfo=UTC)  # of every run, so that MF4 and BLF of a run are always the same
@@ -31,8 +31,8 @@ class Recorded:
     """An output of a run. t [s], shape (n,); channels: name -> (unit, values, shape (n,))."""
 
     name: str
-    t: NDArray[np.float64]
-    channels: dict[str, tuple[str, NDArray[np.float64]]]
+    t: F64
+    channels: dict[str, tuple[str, F64]]
 
 
 def recorded(folder: Path) -> Iterator[Recorded]:

@@ -4,21 +4,20 @@ import argparse
 import sys
 from typing import Any
 
-from swath.terminal.options import add_replace, add_scenario_options, load, option
+from swath.terminal.options import add_replace, add_scenario_options, load, option, verb
 
 PLACE = "start", 7  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser("scan", help="one scan of a scenario, as a picture and a file")
+    parser = verb(parsers, "scan", "one scan of a scenario, as a picture and a file", run)
     option(parser, "scenario NAME|FILE", "a bundled scenario, or a YAML file")
     add_scenario_options(parser)
     add_replace(parser)
     option(parser, "--at-s S", "after S seconds of driving (default: where it starts)", 0.0)
     option(parser, "--format LIST", "what to write, of png,csv,npz,ply,las,laz (default: the first four)")
     option(parser, "--camera", "what the camera sees too; a scenario without one gets the default camera")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

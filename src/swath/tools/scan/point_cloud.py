@@ -12,7 +12,7 @@ from swath.core.errors import Extra
 from swath.core.files.whole_file import new_file, write_whole
 from swath.core.frames import Pose
 from swath.field.maps.projection import Origin, known_crs
-from swath.signals import Scan, ScanTruth, beam_directions
+from swath.signals import U8, Scan, ScanTruth, beam_directions
 
 NAMES = ("x", "y", "z", "intensity", "time", "azimuth", "beam", "echo", "echo_count")
 RECORD = np.dtype({"names": NAMES, "formats": ("<f8",) * 3 + ("<f4", "<f8", "<f4", "<u4", "<u2", "<u2")})
@@ -71,9 +71,7 @@ def need_las() -> Any:
     return laspy
 
 
-def write_las(
-    path: Path, cloud: Cloud, origin: Origin | None = None, *, classes: NDArray[np.uint8] | None = None
-) -> Path:
+def write_las(path: Path, cloud: Cloud, origin: Origin | None = None, *, classes: U8 | None = None) -> Path:
     """LAS 1.4, point format 6, compressed where the name ends in `.laz`; the beam's number as an extra.
 
     origin: of a field on Earth: points are in its projected system, else in the field's own metres; the file

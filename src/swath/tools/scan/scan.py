@@ -12,13 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.core.files.output_folder import held
 from swath.core.files.place import remove
 from swath.core.files.whole_file import new_file, write_whole
-from swath.core.frames import Pose
 from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.field.memory_layout import Organ
@@ -33,10 +31,10 @@ from swath.runtime.loop import drive
 from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import kind_of
-from swath.signals import F64, Image, Scan, ScanTruth, Signal
+from swath.signals import F32, F64, U8, Image, Scan, ScanTruth, Signal
 from swath.signals.setup import MachineGeometry
 from swath.tools.scan.point_cloud import make_cloud, need_las, write_las, write_ply
-from swath.tools.scan.stand3d import COLOURS, GROUND, Stand, stand_figure
+from swath.tools.scan.stand3d import COLOURS, GROUND, stand_figure
 
 FORMATS = ("png", "csv", "npz", "ply", "las", "laz")
 USUAL_FORMATS = FORMATS[:4]
@@ -55,26 +53,41 @@ def check_formats(formats: Sequence[str]) -> None:
         need_las()
 
 
-def write_scan(
-    folder: Path,
-    scan: Scan,
-    truth: ScanTruth,
-    kept: KeptScan,
-    *,
-    mounting: Pose,
-    machine: RecordedMachine,
-    stand: Stand,
-    edge: F64,
-    formats: Sequence[str] = USUAL_FORMATS,
-) -> list[Path]:
-    """Write a file per format of FORMATS; returns their paths.
+@dataclass(frozen=True)
+class DrivenWorld:
+    """A world after some driving. machine: the one that scans; lidar, camera: its slots, "" = none.
 
-    mounting: pose_machine_sensor; edge: as for the report. MissingExtra where a format needs more.
+    sampler: the scans it took
     """
-    points = mounting.apply(scan.points())
+
+    world: World
+    machine: Machine
+    lidar: str
+    camera: str
+    sampler: ScanSampler
+
+    def latest(self, slot: str, output: str) -> Signal | None:
+        """The newest sample of an output of the machine."""
+        return self.world.graph.latest(f"{self.machine.name}.{slot}", output)
+
+
+def write_scan(folder: Path, driven: DrivenWorld, formats: Sequence[str]) -> list[Path]:
+    """Write the newest scan, a file per format of FORMATS; returns their paths.
+
+    MissingExtra where a format needs more.
+    """
+    scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")
+    assert isinstance(scan, Scan)
+    if not isinstance(truth, ScanTruth):  # a scan from a log has none
+        beams, echoes = scan.ranges.shape
+        truth = ScanTruth(scan.t, np.full((beams, echoes, 3), np.nan), np.full((beams, 3), np.nan))
+    kept, machine = driven.sampler.pick(driven.lidar, 1)[-1], driven.machine.recorded()
+    mounting = driven.machine.mountings[driven.lidar]
+    points, field = mounting.apply(scan.points()), driven.world.field
     cloud = make_cloud(scan, truth, kept.pose @ mounting)
+    edge = field.first_edge.point_at(np.linspace(0.0, field.first_edge.length, 500))
     write: dict[str, Callable[[Path], Path]] = {
-        "png": lambda p: _picture(p, scan, points, kept, machine, stand_figure(stand, kept, machine, edge)),
+        "png": lambda p: _picture(p, scan, points, kept, machine, stand_figure(field, kept, machine, edge)),
         "csv": lambda p: _table(p, scan, points, truth),
         "npz": lambda p: _arrays(p, scan, points, truth, kept),
         "ply": lambda p: write_ply(p, cloud),
@@ -183,7 +196,7 @@ def write_picture(folder: Path, image: Image) -> list[Path]:
     return [picture, arrays]
 
 
-def _depth_colours(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _depth_colours(depth: F32) -> U8:
     """Colours by the logarithm of the depth, from nearest to furthest in the picture; white = nothing."""
     import matplotlib
 
@@ -196,30 +209,12 @@ def _depth_colours(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.where(seen[..., None], shown, 255).astype(np.uint8)
 
 
-def _label_colours(label: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _label_colours(label: U8) -> U8:
     """In the colours of the other pictures of the stand."""
     from matplotlib.colors import to_rgb
 
     table = np.array([to_rgb({**COLOURS, **OTHERS}[organ]) for organ in Organ])
     return np.round(255.0 * table[label]).astype(np.uint8)
-
-
-@dataclass(frozen=True)
-class DrivenWorld:
-    """A world after some driving. machine: the one that scans; lidar, camera: its slots, "" = none.
-
-    sampler: the scans it took
-    """
-
-    world: World
-    machine: Machine
-    lidar: str
-    camera: str
-    sampler: ScanSampler
-
-    def latest(self, slot: str, output: str) -> Signal | None:
-        """The newest sample of an output of the machine."""
-        return self.world.graph.latest(f"{self.machine.name}.{slot}", output)
 
 
 def scan_job(
@@ -229,7 +224,7 @@ def scan_job(
     at_s: float = 0.0,
     formats: Sequence[str] | None = None,
     camera: bool = False,
-    tell: Callable[[str], None] | None = None,
+    tell: Callable[[str], None] = lambda note: None,
 ) -> list[Path]:
     """One scan of a scenario after `at_s` of driving, as files `scan.*` in the folder `out`.
 
@@ -241,10 +236,8 @@ def scan_job(
     formats = USUAL_FORMATS if formats is None else formats
     check_formats(formats)
     driven = drive_to_scan(scenario, at_s, camera=camera)
-    machine = driven.machine
-    if tell is not None:
-        for note in machine.notes:
-            tell(note)
+    for note in driven.machine.notes:
+        tell(note)
     files: list[Path] = []
     with held(out, SCAN_FILES, "scan"):
         if scan_in(out) not in (of := scan_of(scenario, at_s), None):
@@ -252,29 +245,12 @@ def scan_job(
                 remove(file)
         write_whole(out / SCAN_OF, of + "\n")
         if driven.lidar:
-            scan, truth = driven.latest(driven.lidar, "scan"), driven.latest(driven.lidar, "truth")
-            assert isinstance(scan, Scan)
-            files += write_scan(
-                out,
-                scan,
-                truth if isinstance(truth, ScanTruth) else _no_truth(scan),  # a scan from a log has none
-                driven.sampler.pick(driven.lidar, 1)[-1],
-                mounting=machine.mountings[driven.lidar],
-                machine=machine.recorded(),
-                stand=driven.world.field,
-                edge=_edge_line(driven.world),
-                formats=formats,
-            )
+            files += write_scan(out, driven, formats)
         if camera:
             image = driven.latest(driven.camera, "image")
             assert isinstance(image, Image)
             files += write_picture(out, image)
     return files
-
-
-def _no_truth(scan: Scan) -> ScanTruth:
-    beams, echoes = scan.ranges.shape
-    return ScanTruth(scan.t, np.full((beams, echoes, 3), np.nan), np.full((beams, 3), np.nan))
 
 
 def drive_to_scan(scenario: Scenario, at_s: float, *, camera: bool = False) -> DrivenWorld:
@@ -328,9 +304,3 @@ def first_of_kind(name: str, instances: Iterable[str]) -> str | None:
     """The first slot of a kind, in the order given; None without one."""
     kinds = ((slot, kind_of(slot)) for slot in instances)
     return next((slot for slot, kind in kinds if kind is not None and kind.name == name), None)
-
-
-def _edge_line(world: World) -> F64:
-    """The initial edge as points (500, 2) in the world [m]."""
-    edge = world.field.first_edge
-    return np.asarray(edge.point_at(np.linspace(0.0, edge.length, 500)))

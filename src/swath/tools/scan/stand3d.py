@@ -6,12 +6,12 @@ A plant is drawn whole where it reaches over the side of its tile; rays see it c
 """
 
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.frames import Pose
+from swath.field.field import Field
 from swath.field.memory_layout import (
     MIRROR_X,
     MIRROR_Y,
@@ -20,13 +20,12 @@ from swath.field.memory_layout import (
     STANDING,
     Organ,
     Pages,
-    PlantLibrary,
     Shape,
 )
 from swath.record.message_factory import RecordedMachine
 from swath.report.plots import BLUE, INK, ORANGE, figure
 from swath.report.scan_sampler import KeptScan
-from swath.signals import F64
+from swath.signals import F64, I64, U8, Mask
 
 COLOURS = {
     Organ.STEM: "#D9C37C",
@@ -55,25 +54,6 @@ LAYERS, SHADES = 100, 31  # of the picture, from far to near; of each colour, at
 BACK, AHEAD, ASIDE = 2.4, 2.4, 1.9  # shown about the place where the beams meet the edge [m]
 
 
-class Stand(Protocol):
-    """What the picture asks of a field."""
-
-    @property
-    def pages(self) -> Pages:
-        """Stems of the stand, in pages."""
-
-    @property
-    def library(self) -> PlantLibrary:
-        """Plants that stems are instances of."""
-
-    @property
-    def stand_yaw(self) -> float:
-        """Direction of the stand's x axis [rad]."""
-
-    def ground_height(self, x: Any, y: Any) -> Any:
-        """Height of the ground [m]."""
-
-
 @dataclass(frozen=True)
 class Organs:
     """Pieces of plants in the world.
@@ -88,10 +68,10 @@ class Organs:
     b: F64
     half: F64
     radius: F64
-    organ: NDArray[np.uint8]
+    organ: U8
     tip: F64
 
-    def take(self, which: NDArray[np.bool_]) -> "Organs":
+    def take(self, which: Mask) -> "Organs":
         """Some of them."""
         return Organs(*(getattr(self, f.name)[which] for f in fields(self)))
 
@@ -104,7 +84,7 @@ class Organs:
         return np.stack([self.a - half, self.a + half, self.b + tip, self.b - tip], axis=1)
 
 
-def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
+def organs_near(field: Field, x: float, y: float, reach: float) -> Organs:
     """What stands (or is left as stubble) within `reach` of a world point [m]."""
     turn = Pose.from_euler([0.0, 0.0, 0.0], yaw=field.stand_yaw)
     centre = turn.inverse().apply([x, y, 0.0])[:2]
@@ -125,9 +105,7 @@ def organs_near(field: Stand, x: float, y: float, reach: float) -> Organs:
     return Organs(turn.apply(a), turn.apply(b), turn.turn(half), radius, organ, tip)
 
 
-def _tile(
-    field: Stand, ix: int, iy: int, first: NDArray[np.int64], centre: F64, reach: float
-) -> tuple[Any, ...] | None:
+def _tile(field: Field, ix: int, iy: int, first: I64, centre: F64, reach: float) -> tuple[Any, ...] | None:
     """Pieces of one tile in the stand frame, cut where they are cut."""
     pages, library = field.pages, field.library
     page = (iy // PAGE_TILES - pages.table_y, ix // PAGE_TILES - pages.table_x)
@@ -214,7 +192,7 @@ class Camera:
         return seen[..., :2] / depth[..., None], depth
 
 
-def stand_figure(field: Stand, scan: KeptScan, machine: RecordedMachine, edge: F64) -> Any:
+def stand_figure(field: Field, scan: KeptScan, machine: RecordedMachine, edge: F64) -> Any:
     """The stand where a scan meets the edge, with its echoes.
 
     edge: points of the initial edge in the world, (k, 2) [m]
@@ -261,13 +239,13 @@ class _Box:
     def world(self, u: float, v: float, height: float) -> F64:
         return np.asarray(self.pose.apply([self.x + u, self.y + self.side * v, height]))
 
-    def holds(self, points: F64) -> NDArray[np.bool_]:
+    def holds(self, points: F64) -> Mask:
         local = self.pose.inverse().apply(points)
         u, v = local[..., 0] - self.x, self.side * (local[..., 1] - self.y)
         return np.asarray((u > -BACK) & (u < AHEAD) & (np.abs(v) < ASIDE))
 
 
-def _painted(field: Stand, organs: Organs, box: _Box, camera: Camera) -> tuple[F64, F64]:
+def _painted(field: Field, organs: Organs, box: _Box, camera: Camera) -> tuple[F64, F64]:
     """Quads (n, 4, 2) in the image and their colours (n, 4), in painting order: ground, then far to near."""
     seen = organs.take(box.holds(organs.a))
     a, b = seen.a, seen.b
@@ -308,7 +286,7 @@ def _areas(quads: F64, colours: F64) -> Any:
     return made
 
 
-def _shaded(organ: NDArray[np.uint8], height: F64, depth: F64) -> F64:
+def _shaded(organ: U8, height: F64, depth: F64) -> F64:
     """Organ colours, darker deep in the stand and paler far away."""
     from matplotlib.colors import to_rgb
 
@@ -322,7 +300,7 @@ def _shaded(organ: NDArray[np.uint8], height: F64, depth: F64) -> F64:
     return np.concatenate([rgb * (1 - haze) + haze, np.ones((len(rgb), 1))], axis=1)
 
 
-def _ground(field: Stand, box: _Box, camera: Camera) -> tuple[F64, F64]:
+def _ground(field: Field, box: _Box, camera: Camera) -> tuple[F64, F64]:
     from matplotlib.colors import to_rgb
 
     u, v = np.arange(-BACK, AHEAD + 1e-9, 0.2), np.linspace(-ASIDE, ASIDE, 20)
@@ -337,7 +315,7 @@ def _ground(field: Stand, box: _Box, camera: Camera) -> tuple[F64, F64]:
     return image[order], rgba[order]
 
 
-def _draw_edges(ax: Any, field: Stand, scan: KeptScan, edge: F64, box: _Box, camera: Camera) -> None:
+def _draw_edges(ax: Any, field: Field, scan: KeptScan, edge: F64, box: _Box, camera: Camera) -> None:
     """The initial and the detected edge on the ground."""
     u = np.linspace(-BACK, AHEAD, 40)
     seen = np.zeros((0, 2))
@@ -382,7 +360,7 @@ def _draw_echoes(ax: Any, scan: KeptScan, machine: RecordedMachine, box: _Box, c
     ax.plot(*rays[:, 1].T, "o", color=BLUE, ms=4.2, mec="white", mew=0.6, zorder=5)
 
 
-def _legend(ax: Any, organs: NDArray[np.uint8]) -> None:
+def _legend(ax: Any, organs: U8) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 PLACE = "many", 1  # among all commands
@@ -15,7 +15,7 @@ better than shipped, 4 better in the tuned cases only."""
 def add(parsers: Any) -> None:
     """Add the command."""
     said = "tune parameters in cases, prove them in others"
-    parser = parsers.add_parser("tune", help=said, description=_DESCRIPTION)
+    parser = verb(parsers, "tune", said, _tune, _DESCRIPTION)
     option(parser, "cases CASE", "bundled cases, case files or folders of them", nargs="+")
     option(parser, "--param KEY=RANGE", "2..8, 2..8:whole, 0.1..10:log, or choices a,b; several times", [],
            type=_parameter, required=True)  # fmt: skip
@@ -34,7 +34,6 @@ def add(parsers: Any) -> None:
     option(parser, "--seed N", "seed of the draws", 1)
     add_folder(parser, "tuning", text="folder of the results; the same command goes on", alone=False)
     add_engine(parser)
-    parser.set_defaults(run=_tune)
 
 
 def _parameter(text: str) -> list[str]:
@@ -44,15 +43,14 @@ def _parameter(text: str) -> list[str]:
 
 
 def _tune(args: argparse.Namespace) -> int:
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.judging.margin import MARGIN
-    from swath.tools.tune.tune import Tune, run_tune, runs_of, source_of
+    from swath.tools.tune.tune import Tune, run_tune, runs_of
 
     params = tuple(parts[0] + ",".join(parts[1:]) for parts in args.param)
-    cases, proven = ([source_of(text) for text in some] for some in (args.cases, args.prove))
-    tune = Tune(
-        tuple(cases), params, tuple(args.aim) or (MARGIN,), tuple(proven), args.tries, args.each, args.proof,
-        tuple(args.sets), args.level, args.seed,
-    )  # fmt: skip
+    cases, proven = (tuple(map(source_of, some)) for some in (args.cases, args.prove))
+    aims = tuple(args.aim) or (MARGIN,)
+    tune = made_of(Tune, args, cases=cases, params=params, aims=aims, proven=proven)
     with progress(runs_of(tune), "at most ") as done, engine(args.cluster, args.workers) as client:
         found = run_tune(args.out, tune, max(1, args.workers), done, client)
     return tell(found)

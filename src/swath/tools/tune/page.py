@@ -25,7 +25,6 @@ from swath.tools.tune.tune import (
     Tuned,
     as_json,
     command_of,
-    says_of,
     write_winner,
 )
 
@@ -93,16 +92,15 @@ def difference_rows(found: Tuned, part: str) -> list[list[str]]:
     """Rows of a part of the proof: part, metric, pairs, winner less shipped, interval, what it shows."""
     proof, rows = found.proofs[part], []
     for name, d in proof.found.differences.items():
-        said = says_of(proof.found, name, found.tune.directions[name])
-        rows.append([PARTS[part], name, str(d.count), *proof.found.difference_texts(name), said])
+        said = proof.found.difference_texts(name)
+        rows.append([PARTS[part], name, str(d.count), *said, proof.found.says(name)])
     return rows
 
 
 def caveats(found: Tuned, part: str) -> dict[str, str]:
     """What stands beside the aims that a part of the proof shows to be better."""
-    proof, directions = found.proofs[part].found, found.tune.directions
-    better = [name for name in proof.differences if says_of(proof, name, directions[name]) == "better"]
-    return {name: proof.beside(name, directions[name]) for name in better}
+    proof = found.proofs[part].found
+    return {name: proof.beside(name) for name in proof.differences if proof.says(name) == "better"}
 
 
 def _proof(found: Tuned) -> list[list[str]]:
@@ -129,7 +127,7 @@ def _history(found: Tuned, aim: int) -> Chart:
         chart.line(0.0, at(values[-1]), 1.0, at(values[-1]), "3 3")
     for number, tried in enumerate(found.tried):
         x = number / max(1, len(found.tried) - 1)
-        _mark(chart, x, at(values[number]), tried.measured, _title(found, number))
+        chart.run(x, at(values[number]), _title(found, number), keeps=tried.measured.slack >= 0.0)
         if number == found.best:
             chart.dot(x, at(values[number]), title=_title(found, number), radius=7.0, fill="var(--green)")
     return chart
@@ -161,13 +159,6 @@ def _axis(name: str, values: Sequence[float], better: str) -> tuple[tuple[str, s
         return 0.04 + 0.92 * min(1.0, (value - low) / (high - low)) if isfinite(value) else 0.98
 
     return (name, num(sign * low), num(sign * high)), at
-
-
-def _mark(chart: Chart, x: float, y: float, measured: Measured, title: str) -> None:
-    if measured.slack < 0.0:
-        chart.cross(x, y, title)
-    else:
-        chart.dot(x, y, "on", title)
 
 
 def _title(found: Tuned, number: int) -> str:

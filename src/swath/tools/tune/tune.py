@@ -7,9 +7,9 @@ on the results so far: a tuning that was stopped takes the runs that are in a jo
 """
 
 import json
-import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -49,7 +49,7 @@ BETTER, NO_BETTER, TUNED_ONLY, WORSE = (
     "better", "no better than shipped", "better in the tuned cases only", "worse than shipped",
 )  # fmt: skip
 CODES = {BETTER: 0, WORSE: 1, NO_BETTER: 3, TUNED_ONLY: 4}
-Draw = tuple[int, Point]  # seed and point of a run
+Cases = Mapping[str, tuple[tuple[int, Point], ...]]  # seed and point of each run, by name of the case
 
 
 @dataclass(frozen=True)
@@ -103,21 +103,21 @@ class Tune:
 
 
 @dataclass(frozen=True)
-class Draws:
-    """Runs of the cases in each part, by name of the case."""
-
-    tuned: Mapping[str, tuple[Draw, ...]]
-    fresh: Mapping[str, tuple[Draw, ...]]
-    unseen: Mapping[str, tuple[Draw, ...]]
-
-
-@dataclass(frozen=True)
 class Proof:
     """A part of the proof. found: pairs of shipped and the winner; failed: their runs that break a limit."""
 
     found: Comparison
     failed: tuple[int, int]
-    says: str
+
+    @property
+    def says(self) -> str:
+        """Better where an aim is shown to be and nothing is shown to be worse; a limit that is broken more
+        often is never bought.
+        """
+        shown = [self.found.says(name) for name in self.found.metrics]
+        if "worse" in (*shown, self.found.says(VERDICTS)):
+            return WORSE
+        return BETTER if "better" in shown and self.failed[1] <= self.failed[0] else NO_BETTER
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,6 @@ class Tuned:
         return front(self.tried) if len(self.tune.aims) > 1 else [self.best]
 
 
-def source_of(case: str | Path) -> str:
-    """A case as `Tune` names it, so that the folder can be gone on with from anywhere."""
-    return str(Path(case).resolve()) if os.path.exists(Path(case)) else str(case)
-
-
 def runs_of(tune: Tune) -> int:
     """How many runs a tuning has at most."""
     alone = len(tune.slots) if len(tune.slots) > 1 else 0
@@ -197,11 +192,8 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
     settings: dict[str, list[str]] = {SHIPPED: []}
     nothing: dict[str, str] = {}
 
-    def do(part: str, cases: Mapping[str, tuple[Draw, ...]], candidates: Mapping[str, Any]) -> list[Result]:
-        session = _session(folder / part, tune, cases, candidates)
-        session.write()
-        session.do(workers, done, client)
-        return session.results()
+    def do(part: str, cases: Cases, candidates: Mapping[str, Any]) -> list[Result]:
+        return _session(folder / part, tune, cases, candidates).made(workers, done, client)
 
     def of_slots(first: list[Result], new: Mapping[str, list[str]]) -> dict[str, Any]:
         """What is tuned, with the candidates that change nothing else; several slots are run alone for it."""
@@ -213,31 +205,31 @@ def run_tune(folder: Path, tune: Tune, workers: int, done: Done, client: Any = N
             slot: [text for text in sets if text.partition("=")[0] in keys]
             for slot, keys in tune.slots.items()
         }
-        first += do(ALONE, draws.tuned, alone)
+        first += do(ALONE, draws[TUNED], alone)
         return {slot: [slot] for slot in alone}
 
     def measure(some: F64) -> list[Measured]:
         new = {f"t{len(settings) + n}": as_sets(sets_at(tune.parameters, at)) for n, at in enumerate(some)}
         settings.update(new)
-        results = do(TUNED, draws.tuned, new)
+        results = do(TUNED, draws[TUNED], new)
         if len(settings) == 1 + len(new):
             first = [*before, *results]
             name_first(nothing, telling_nothing(first, tune.directions, of_slots(first, new), _value))
         return [measured([r for r in results if r["candidate"] == name], tune.directions) for name in new]
 
-    before = do(TUNED, draws.tuned, {SHIPPED: []})
+    before = do(TUNED, draws[TUNED], {SHIPPED: []})
     _check_aims(tune, before)
     name_first(nothing, telling_nothing(before))
     tried = optimise(tune.parameters, len(tune.aims), tune.tries, tune.seed, measure)
     best = winner(tried)
-    whole = _session(folder / TUNED, tune, draws.tuned, settings)
+    whole = _session(folder / TUNED, tune, draws[TUNED], settings)
     whole.write()
     whole.table()
     found = Tuned(folder, tune, tried, measured(before, tune.directions), best, {})
     write_whole(folder / CANDIDATES, dump(_candidates(found)))
     proofs = {}
-    for part, cases in ((FRESH, draws.fresh), (UNSEEN, draws.unseen)):
-        if cases:
+    for part in PARTS:
+        if cases := draws[part]:
             results = do(part, cases, {SHIPPED: [], TUNED: as_sets(found.winner)})
             proofs[part] = _proof(folder / part, results, tune.directions)
     return Tuned(folder, tune, tried, found.shipped, best, proofs, nothing)
@@ -271,27 +263,8 @@ def _proof(folder: Path, results: Sequence[Result], directions: Mapping[str, str
     ]
     write_table(folder, rows)
     found = compare(f"{folder}:{SHIPPED}", f"{folder}:{TUNED}", list(directions), ALPHA)
-    failed = [sum(r["verdict"] not in ("pass", UNJUDGED) for r in results if r["candidate"] == name)
-              for name in (SHIPPED, TUNED)]  # fmt: skip
-    return Proof(found, (failed[0], failed[1]), says(found, (failed[0], failed[1]), directions))
-
-
-def says(found: Comparison, failed: tuple[int, int], directions: Mapping[str, str]) -> str:
-    """Better where an aim is shown to be and nothing is shown to be worse; a limit that is broken more often
-    is never bought.
-    """
-    shown = {name: says_of(found, name, better) for name, better in directions.items()}
-    if "worse" in (*shown.values(), found.says(VERDICTS)):
-        return WORSE
-    return BETTER if "better" in shown.values() and failed[1] <= failed[0] else NO_BETTER
-
-
-def says_of(found: Comparison, name: str, better: str) -> str:
-    """As a comparison says it, of a metric of which it does not know what is better, too."""
-    said = found.says(name)
-    if said != "changed":
-        return said
-    return "better" if (found.differences[name].estimate > 0.0) == (better == "higher") else "worse"
+    broken = Counter(r["candidate"] for r in results if r["verdict"] not in ("pass", UNJUDGED))
+    return Proof(replace(found, directions=directions), (broken[SHIPPED], broken[TUNED]))
 
 
 def _candidates(found: Tuned) -> dict[str, dict[str, Scalar]]:
@@ -302,18 +275,17 @@ def _candidates(found: Tuned) -> dict[str, dict[str, Scalar]]:
     return {SHIPPED: {}, TUNED: found.winner, **rest}
 
 
-def _session(folder: Path, tune: Tune, cases: Mapping[str, tuple[Draw, ...]],
-             candidates: Mapping[str, Sequence[str]]) -> Session:  # fmt: skip
+def _session(folder: Path, tune: Tune, cases: Cases, candidates: Mapping[str, Sequence[str]]) -> Session:
     paths = {case.name: source for source in (*tune.cases, *tune.proven) for case in find_cases(source)}
     sources = tuple(dict.fromkeys(paths[name] for name in cases))
     plan = Plan(sources, candidates=candidates, sets=tune.sets, level=tune.level, chosen=cases)
     return Session(folder, plan)
 
 
-def draws_of(tune: Tune) -> Draws:
-    """Which runs measure the settings, and which prove the winner."""
+def draws_of(tune: Tune) -> dict[str, Cases]:
+    """Which runs measure the settings (`tuned`), and which prove the winner (`fresh`, `unseen`)."""
     cases, others = find_cases(tune.cases), find_cases(tune.proven) if tune.proven else []
-    tuned, fresh, unseen = dict[str, tuple[Draw, ...]](), dict[str, tuple[Draw, ...]](), {}
+    tuned, fresh, unseen = {}, {}, {}
     split = {case.name: _conditions(case, tune, both=True) for case in cases}
     for case, count, proof in zip(cases, _shares(tune.each, len(cases)),
                                   _shares(tune.proof, len(cases)), strict=True):  # fmt: skip
@@ -324,7 +296,7 @@ def draws_of(tune: Tune) -> Draws:
     rest = [(case, _conditions(case, tune, both=False)[0]) for case in others] or rest
     for (case, there), proof in zip(rest, _shares(tune.proof, len(rest)), strict=True):
         unseen[case.name] = _runs(_other_seeds(case, tune.proof, proof), there, proof)
-    return Draws(tuned, fresh, unseen)
+    return {TUNED: tuned, FRESH: fresh, UNSEEN: unseen}
 
 
 def _conditions(case: Case, tune: Tune, *, both: bool) -> tuple[list[Point], list[Point]]:
@@ -346,7 +318,7 @@ def _shares(total: int, among: int) -> list[int]:
     return [max(1, total // among + (n < total % among)) for n in range(among)]
 
 
-def _runs(seeds: Sequence[int], points: Sequence[Point], count: int) -> tuple[Draw, ...]:
+def _runs(seeds: Sequence[int], points: Sequence[Point], count: int) -> tuple[tuple[int, Point], ...]:
     return tuple((seeds[n % len(seeds)], points[n % len(points)]) for n in range(count))
 
 
@@ -355,7 +327,7 @@ def _other_seeds(case: Case, first: int, count: int) -> Sequence[int]:
     return range(max(case.seeds) + 1 + first, max(case.seeds) + 1 + first + count)
 
 
-def _check(tune: Tune) -> Draws:
+def _check(tune: Tune) -> dict[str, Cases]:
     """The draws of a tuning. InputError for what cannot be tuned, MissingExtra."""
     ranges = {"tries": (FEWEST, MOST, "settings"), "each": (1, inf, "runs"), "proof": (10, inf, "runs")}
     raise_all([
@@ -370,7 +342,7 @@ def _check(tune: Tune) -> Draws:
         raise InputError("--aim", ", ".join(tune.aims), "expected one aim or two")
     draws = draws_of(tune)
     ends = {f"{end:g}": as_sets(sets_at(tune.parameters, np.full(len(keys), end))) for end in (0.0, 1.0)}
-    _session(Path(), tune, {**draws.tuned, **draws.unseen}, {SHIPPED: [], **ends}).plan.check()
+    _session(Path(), tune, {**draws[TUNED], **draws[UNSEEN]}, {SHIPPED: [], **ends}).plan.check()
     return draws
 
 
@@ -406,9 +378,8 @@ def write_winner(found: Tuned) -> Path:
     """The scenario of the first case at its first condition, with what was tuned."""
     from swath.tools.function_test.one_run import scenario_of
 
-    name = next(iter(draws_of(found.tune).tuned))
-    session = _session(found.folder, found.tune, {name: draws_of(found.tune).tuned[name][:1]},
-                       {TUNED: as_sets(found.winner)})  # fmt: skip
+    name, runs = next(iter(draws_of(found.tune)[TUNED].items()))
+    session = _session(found.folder, found.tune, {name: runs[:1]}, {TUNED: as_sets(found.winner)})
     return write_whole(found.folder / WINNER, scenario_of(next(session.plan.runs())).resolved())
 
 
@@ -416,8 +387,7 @@ def as_json(found: Tuned) -> str:
     """What was found, for other programs."""
     differences = {
         part: {name: {"mean_difference": d.estimate, "mean_low": d.low, "mean_high": d.high, "pairs": d.count,
-                      "says": says_of(proof.found, name, found.tune.directions[name]),
-                      "worst_tenth_mean": d.worst_tenth(found.tune.directions[name]),
+                      "says": proof.found.says(name), "worst_tenth_mean": proof.found.worst_tenth(name),
                       "harm_not_excluded": not_excluded(d.count)}
                for name, d in proof.found.differences.items()}
         for part, proof in found.proofs.items()

@@ -5,15 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num
-from swath.terminal.options import former, option
+from swath.terminal.options import former, option, verb
 
 PLACE = "look", 6  # among all commands
 
 
 def add(parsers: Any) -> None:
     """Add the command."""
-    parser = parsers.add_parser(
-        "yield-log", help="what a run harvested, as the yield log of a monitor", description=_DESCRIPTION
+    parser = verb(
+        parsers, "yield-log", "what a run harvested, as the yield log of a monitor", run, _DESCRIPTION
     )
     option(parser, "run_folder RUN", "a run folder", type=Path)
     option(parser, "--out DIR|FILE.csv", "a CSV, or a folder for ISOXML task data", type=Path, required=True)
@@ -27,7 +27,6 @@ def add(parsers: Any) -> None:
     )
     option(parser, "--origin LAT,LON", "where a field without coordinates lies (default 52,9)")
     former(parser, origin="--at")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath import __version__
 from swath.core.errors import Extra, InputError, check_within
@@ -30,8 +29,8 @@ from swath.machine.machine_sheet import load_machine
 from swath.record.tracks import read_tracks
 from swath.runtime.field_setup import stated_origin
 from swath.scenario.scenario import Scenario, load_scenario
+from swath.signals import F64, Mask
 
-Array = NDArray[np.float64]
 NOWHERE = (52.0, 9.0)  # lat, lon [deg] of a field that lies nowhere on Earth
 IDLE = 0.01  # kg/s below which nothing is cut
 
@@ -49,14 +48,14 @@ class Records:
     name: of the run.
     """
 
-    time: Array
-    lat: Array
-    lon: Array
-    height: Array
-    speed: Array
-    distance: Array
-    flow: Array
-    working: NDArray[np.bool_]
+    time: F64
+    lat: F64
+    lon: F64
+    height: F64
+    speed: F64
+    distance: F64
+    flow: F64
+    working: Mask
     width: float
     moisture: float
     crop: str

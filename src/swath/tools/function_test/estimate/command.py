@@ -3,25 +3,21 @@
 import argparse
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num, percent_of
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 SUMMARY = "summary.json"
+_ABOUT = """Probability that a run breaks a limit, with its 95 % interval, by importance sampling over the
+exposure of what the case varies. Exit code 0 a number is given, 3 it cannot be supported; with --at-most 0
+kept, 1 exceeded, 3 not shown."""
 
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    estimate = verbs.add_parser(
-        "estimate",
-        help="estimate how likely a rare failure of a case is",
-        description="Probability that a run breaks a limit, with its 95 % interval, by importance sampling "
-        "over the exposure of what the case varies. Exit code 0 a number is given, 3 it cannot be supported; "
-        "with --at-most 0 kept, 1 exceeded, 3 not shown.",
-    )
+    estimate = verb(verbs, "estimate", "estimate how likely a rare failure of a case is", _estimate, _ABOUT)
     option(estimate, "case", "a case file or a bundled case; `exposure` says how often values occur")
     add_folder(estimate, "estimate", text="folder of the results", alone=False)
     option(estimate, "--limit NAME", "only this limit (default: any)", "")
@@ -38,22 +34,20 @@ def add(verbs: Any) -> None:
            unit="fraction")  # fmt: skip
     option(estimate, "--draw-seed N", "seed of the random points", 1)
     add_engine(estimate)
-    estimate.set_defaults(run=_estimate)
 
 
 def _estimate(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.estimate.estimate import Estimate, run_estimate
 
     if args.at_most is not None and not 0.0 < args.at_most < 1.0:
         raise InputError("--at-most", args.at_most, "expected a probability, > 0 and < 1")
     if args.cheap_budget is not None and not args.cheap:
         raise InputError("--cheap-budget", args.cheap_budget, "expected --cheap beside it")
-    source = str(Path(args.case).resolve()) if os.path.exists(Path(args.case)) else args.case
+    source = source_of(args.case)
     cheap_budget = (args.cheap_budget or args.budget) if args.cheap else 0
-    asked = Estimate(
-        source, args.limit, args.budget, tuple(args.sets), tuple(args.cheap), cheap_budget, args.draw_seed
-    )
+    asked = made_of(Estimate, args, {"seed": "draw_seed"}, case=source, cheap_budget=cheap_budget)
     with progress(asked.budget + asked.all_cheap) as done, engine(args.cluster, args.workers) as client:
         found = run_estimate(args.out, asked, max(1, args.workers), done, client)
     return tell(found, args.at_most)

@@ -20,13 +20,12 @@ from swath.core.errors import Extra, InputError, SwathError
 from swath.core.number_text import num, percent_of
 from swath.core.random import Stream
 from swath.runtime.workers import workers_kept
-from swath.signals import F64
-from swath.tools.function_test.case import Case, Point, Scalar, Varied
+from swath.signals import F64, Mask
+from swath.tools.function_test.case import Case, Point, Scalar, Varied, one_case
 from swath.tools.function_test.estimate.rare import (
     DEFENSIVE,
     ESS_LEAST,
     OVERLOOKED_MOST,
-    Flags,
     Hunt,
     Rate,
     log_exposure,
@@ -37,7 +36,6 @@ from swath.tools.function_test.judging.margin import judged_margin
 from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN
 from swath.tools.function_test.plan import AS_SET, Plan, code_hash
 from swath.tools.function_test.pool import Done
-from swath.tools.function_test.search.search import one_case
 from swath.tools.function_test.session import Session, claim_folder, read_asked
 from swath.tools.function_test.stored_line import Result
 
@@ -145,7 +143,7 @@ class Estimated:
     rounds: Sequence[Round]
     last: Round
     weights: F64
-    overlooked: Flags
+    overlooked: Mask
     cheap_margins: F64 | None
 
     @property
@@ -357,10 +355,9 @@ def run_estimate(folder: Path, asked: Estimate, workers: int, done: Done, client
     def do(session: Session) -> None:
         if not session.first:
             session.plan.check()
-        session.write()
-        session.do(workers, done, client)
+        results = session.made(workers, done, client)
         if not seen:
-            name_first({}, margin_telling_nothing(session.results(), asked.limit))
+            name_first({}, margin_telling_nothing(results, asked.limit))
         seen.append(session)
 
     return _gone_through(folder, asked, case, do)

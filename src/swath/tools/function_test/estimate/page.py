@@ -16,7 +16,7 @@ from swath.tools.function_test.estimate.estimate import Estimated
 from swath.tools.function_test.judging.first_batch import banners
 from swath.tools.function_test.judging.verdict import BROKEN, SHOWN
 from swath.tools.function_test.junit import write_suites
-from swath.tools.function_test.page import failures
+from swath.tools.function_test.page import axis_of, failures
 
 SIDE = 360.0  # of the picture [px]
 PASSED_MAX, FAILED_MAX = 1500, 20  # runs in the picture that keep the limit, failures in the list
@@ -117,8 +117,8 @@ def _picture(found: Estimated, names: list[str]) -> Chart:
     """The runs over the two parameters that matter most; with one parameter, their margins over it."""
     x = _values(found, names[0])
     y = _values(found, names[1]) if len(names) > 1 else 0.5 + 0.5 * np.nan_to_num(found.last.margins)
-    up = _axis(found, names[1]) if len(names) > 1 else ("margin", "-1", "1")
-    across = _axis(found, names[0])
+    up = axis_of(found.case, names[1]) if len(names) > 1 else ("margin", "-1", "1")
+    across = axis_of(found.case, names[0])
     made = Chart(SIDE, SIDE, f"{up[0]} over {across[0]}", across, up, ABOUT_PICTURE)
     fails = found.last.margins < 0.0
     largest = float(np.max(found.weights[fails])) if np.any(fails) else 1.0
@@ -128,12 +128,6 @@ def _picture(found: Estimated, names: list[str]) -> Chart:
         radius = max(1.2, LARGEST * float(np.sqrt(found.weights[i] / largest)))
         made.dot(float(x[i]), float(y[i]), "heavy", radius=radius)
     return made
-
-
-def _axis(found: Estimated, name: str) -> tuple[str, str, str]:
-    varied = found.case.file.vary[name]
-    low, high = varied.range or (varied.drawn_values[0], varied.drawn_values[-1])
-    return name, *(end if isinstance(end, str) else num(end) for end in (low, high))  # type: ignore[return-value]
 
 
 def _parameter(found: Estimated, name: str) -> list[object]:

@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from math import exp, log, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from swath.signals import F64
+from swath.signals import F64, Mask
 from swath.tools.function_test.search.boundary import sobol_points
 
-Flags = NDArray[np.bool_]
 # Shares, counts and factors of the search, without unit. Where no source is named they were chosen on the
 # shapes under `BUILT_WITH` of benchmarks/rare_failures.py, so that intervals hold what they should.
 # Where runs are drawn
@@ -92,7 +90,7 @@ class Mixture:
         """Each component this much wider."""
         return Mixture(self.shares, self.means, scale * self.factors)
 
-    def covers(self, at: F64) -> Flags:
+    def covers(self, at: F64) -> Mask:
         """Whether places (n, d) belong to a component, (n,) of bool."""
         bound = (sqrt(at.shape[1] - 0.5) + COVERED) ** 2  # of chi, whose median is about sqrt(d - 1/2)
         return np.asarray(np.min(self.distances(at), axis=1) <= bound)
@@ -181,7 +179,7 @@ class Hunt:
             rest -= STARTED
         return joined([*parts, ((1.0 - TAILS) * rest, self._found), (TAILS * rest, self._found.spread(TAIL))])
 
-    def overlooked(self, places: F64) -> Flags:
+    def overlooked(self, places: F64) -> Mask:
         """Whether places (n, d) of the last round lie outside the regions that were found, (n,) of bool."""
         return ~self._found.covers(places)
 
@@ -202,7 +200,7 @@ class Hunt:
     def _least(self) -> int:
         return ELITE_LEAST + ELITE_PER_DIMENSION * self._dimensions
 
-    def _elite(self, among: Flags) -> Flags:
+    def _elite(self, among: Mask) -> Mask:
         """The runs with the least margins, all that fail if these are enough, (n,) of bool."""
         margins = np.where(among & ~np.isnan(self.margins), self.margins, np.inf)
         count = int(np.sum(np.isfinite(margins)))
@@ -210,7 +208,7 @@ class Hunt:
         level = max(-JUST_BELOW, float(np.sort(margins)[max(0, wanted - 1)]))
         return np.asarray(margins <= level) & np.isfinite(margins)
 
-    def _fitted(self, chosen: Flags) -> Mixture:
+    def _fitted(self, chosen: Mask) -> Mixture:
         if not np.any(chosen):
             return exposure(self._dimensions, (1.0, *WIDE))
         places = self.places[chosen]
@@ -308,17 +306,12 @@ class Rate:
     overlooked: float
 
     @property
-    def is_supported(self) -> bool:
-        """Whether the runs support a number."""
-        return self.ess >= ESS_LEAST and self.overlooked <= OVERLOOKED_MOST
-
-    @property
     def half_width(self) -> float:
         """Half width of the interval, as a share of the value."""
         return 0.5 * (self.high - self.low) / self.value if self.value > 0.0 else np.inf
 
 
-def rate_of(weights: F64, fails: Flags, overlooked: Flags | None = None) -> Rate:
+def rate_of(weights: F64, fails: Mask, overlooked: Mask | None = None) -> Rate:
     """The probability of failure from independent runs with weights p / q, (n,), and whether each fails.
 
     overlooked: whether each lies outside the regions that the search found

@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    plan = verbs.add_parser("plan-field", help="which real passes narrow most what a simulation leaves open")
+    plan = verb(verbs, "plan-field", "which real passes narrow most what a simulation leaves open", _plan)
     option(plan, "source", "the folder of a campaign over an ODD (a dossier), or a case")
     option(plan, "--runs N", "real passes", 8)
     option(
@@ -28,20 +28,18 @@ def add(verbs: Any) -> None:
     option(plan, "--seed N", "seed of the draws", 1)
     add_folder(plan, "plan of the field", text="folder of the results", alone=False)
     add_engine(plan)
-    plan.set_defaults(run=_plan)
 
 
 def _plan(args: argparse.Namespace) -> int:
     from swath.terminal.tables import table
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.evidence import write_evidence
     from swath.tools.function_test.field_plan.form import FORM, NEXT, compared, write_form
     from swath.tools.function_test.field_plan.page import write_plan
     from swath.tools.function_test.field_plan.plan import FieldPlan, choose, plan_field, spread
 
-    source = str(Path(args.source).resolve()) if os.path.exists(Path(args.source)) else args.source
-    asked = FieldPlan(
-        source, tuple(args.other), args.metric, args.runs, args.pairs, tuple(args.sets), args.seed
-    )
+    source = source_of(args.source)
+    asked = made_of(FieldPlan, args, source=source)
     with progress(2 * args.pairs) as done, engine(args.cluster, args.workers) as client:
         planned = plan_field(args.out, asked, max(1, args.workers), done, client)
     if args.filled is not None:

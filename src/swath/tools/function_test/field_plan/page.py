@@ -11,6 +11,7 @@ from swath.tools.function_test.evidence import evidence_table
 from swath.tools.function_test.field_plan.form import FORM, fixed, instruments, logs, scenario_at, why
 from swath.tools.function_test.field_plan.plan import Planned, places_of
 from swath.tools.function_test.judging.first_batch import banners
+from swath.tools.function_test.page import axis_of
 
 SIDE = 260.0  # of a chart [px]
 MOST_CHARTS = 6
@@ -69,10 +70,9 @@ def _charts(planned: Planned, names: Sequence[str]) -> list[Chart]:
     most = max(abs(c.apart) for c in planned.conditions) or 1.0
     charts: list[Chart] = []
     for column, name in enumerate(names):
-        ends = planned.case.file.vary[name].range
-        if ends is None or len(charts) == MOST_CHARTS:
+        if planned.case.file.vary[name].range is None or len(charts) == MOST_CHARTS:
             continue
-        chart = Chart(SIDE, SIDE / 2, f"difference over {name}", (name, num(ends[0]), num(ends[1])),
+        chart = Chart(SIDE, SIDE / 2, f"difference over {name}", axis_of(planned.case, name),
                       (planned.asked.metric, "0", num(most)))  # fmt: skip
         for condition, place in zip(planned.conditions, places, strict=True):
             fill = "var(--orange)" if id(condition) in chosen else "var(--blue)"

@@ -27,7 +27,7 @@ from swath.core.random import Stream
 from swath.runtime.credibility import NEVER_CHECKED
 from swath.scenario.overrides import layered
 from swath.signals import F64
-from swath.tools.function_test.case import Case, Point, Scalar, find_cases
+from swath.tools.function_test.case import Case, Point, Scalar, one_case
 from swath.tools.function_test.estimate.estimate import distribution_of
 from swath.tools.function_test.fidelity import CHEAP, DEAR, levels_of
 from swath.tools.function_test.field_plan.seen import REFERENCE, SCANS, heights_of
@@ -143,8 +143,7 @@ class Planned:
         return "" if self.doubts_nothing else num(100 * share)
 
 
-def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client: Any = None,
-               known: Sequence[Point] = ()) -> Planned:  # fmt: skip
+def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client: Any = None) -> Planned:
     """Compare levels at conditions drawn by their exposure, and choose passes.
 
     Parameters
@@ -153,7 +152,6 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
     asked : what is asked.
     workers, client : processes here, or of dask.
     done : gets each new result.
-    known : conditions at which passes were driven already.
     """
     found, case = _source(asked.source)
     if not case.file.vary:
@@ -184,17 +182,14 @@ def plan_field(folder: Path, asked: FieldPlan, workers: int, done: Done, client:
         of = f"{len(broken)} of {len(conditions)} pairs: its margin is that of both"
         name_first(nothing, {of: f"both levels break {', '.join(sorted(set(broken)))} in {of}"})
     scale = spread(case, conditions)
-    passes = choose(case, conditions, scale, asked.runs, known)
+    passes = choose(case, conditions, scale, asked.runs)
     return Planned(folder, asked, case, other, conditions, passes, _usual(conditions), nothing)
 
 
 def _source(source: str) -> tuple[Conducted | None, Case]:
     if os.path.isdir(Path(source)) and (found := open_campaign(open_session(Path(source), same_code=False))):
         return found, found.session.plan.found[0]
-    cases = find_cases(source)
-    if len(cases) != 1:
-        raise InputError("case", source, f"expected one case, or a dossier, there are {len(cases)}")
-    return None, cases[0]
+    return None, one_case(source, expected="expected one case, or a dossier")
 
 
 def _other_level(case: Case, sets: Sequence[str]) -> list[str]:
@@ -229,7 +224,7 @@ def conditions_of(
 
     InputError where they show nothing.
     """
-    verdicts = {cell.places: cell.verdict for cell in found.cells()} if found else {}
+    verdicts = {cell.places: cell.verdict for cell in found.cells} if found else {}
     out: list[Condition] = []
     for a, b in zip(results[::2], results[1::2], strict=True):
         if "error" in (a["verdict"], b["verdict"]):

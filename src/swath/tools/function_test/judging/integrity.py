@@ -7,32 +7,21 @@ One that says that it is not sure is unavailable: its samples stand in the top r
 deviation tells 0. What sure, wrong and an episode are: `judge/evaluators/edge_detection.py`.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from swath.judge.evaluators.edge_detection import DEVIATIONS, MATCH_M, EdgeDetection, EdgeSeries
-from swath.runtime.hooks import ActiveRun, RunHook
 
 SUMMARY = "integrity"
 BIN_M, BIN_COUNT = 0.03, 20  # of error and of three standard deviations; the last bin takes what is beyond
 
 
-class IntegrityHook(RunHook):
-    """Notes error against reported error of the machines of a run."""
-
-    READS_TRACKS = False
-
-    def begin(self, run: ActiveRun) -> None:
-        """Know the judges of the edge."""
-        found = [run.evaluation.find(name, EdgeDetection) for name in run.world.machines]
-        self._judges = [judge for judge in found if judge is not None]
-
-    def summarize(self, t: int) -> dict[str, Any]:
-        """`integrity`: of all machines with an edge detector together."""
-        found = [integrity_of(j.series(), j.setup.settling_m) for j in self._judges]
-        return {SUMMARY: pooled(one for one in found if one["samples"])}
+def integrity_in(judges: Sequence[EdgeDetection]) -> dict[str, Any]:
+    """`integrity`: error against reported error of all machines with an edge detector together."""
+    found = [integrity_of(j.series(), j.setup.settling_m) for j in judges]
+    return {SUMMARY: pooled(one for one in found if one["samples"])}
 
 
 def integrity_of(series: EdgeSeries, settling: float) -> dict[str, Any]:

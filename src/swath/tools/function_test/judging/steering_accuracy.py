@@ -13,27 +13,16 @@ import numpy as np
 
 from swath.judge.evaluator import even_path
 from swath.judge.evaluators.lateral_error import LateralError
-from swath.runtime.hooks import ActiveRun, RunHook
 
 SUMMARY = "steering"
 CLASS_M, CLASS_COUNT = 0.01, 100  # the last class takes what is beyond
 HELD = 0.95  # share that lies up to the class that is reported
 
 
-class SteeringHook(RunHook):
-    """Notes the classes of the lateral error of the machines of a run."""
-
-    READS_TRACKS = False
-
-    def begin(self, run: ActiveRun) -> None:
-        """Know the judges of the lateral error."""
-        found = [run.evaluation.find(name, LateralError) for name in run.world.machines]
-        self._judges = [judge for judge in found if judge is not None]
-
-    def summarize(self, t: int) -> dict[str, Any]:
-        """`steering`: of all machines with a header together; nothing without one."""
-        classes = [classes_of(judge) for judge in self._judges if judge.metrics()]
-        return {SUMMARY: pooled(classes)} if classes else {}
+def steering_in(judges: Sequence[LateralError]) -> dict[str, Any]:
+    """`steering`: classes of the lateral error of all machines with a header; nothing without one."""
+    classes = [classes_of(judge) for judge in judges if judge.metrics()]
+    return {SUMMARY: pooled(classes)} if classes else {}
 
 
 def classes_of(judge: LateralError) -> dict[str, Any]:

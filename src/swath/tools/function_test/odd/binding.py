@@ -23,8 +23,7 @@ from swath.documents.yaml_document import Document, dump, read_document
 from swath.runtime.met import QUANTITIES, check_quantities
 from swath.signals import F64
 from swath.tools.function_test.case import FORMAT as CASE_FORMAT
-from swath.tools.function_test.case import Case, CaseFile, Claim, limits_of
-from swath.tools.function_test.files import from_beside
+from swath.tools.function_test.case import Case, CaseFile, Claim, from_beside, limits_of
 from swath.tools.function_test.odd.openodd import Domain, Value, read_domain
 
 FORMAT = "swath odd 1"

@@ -8,6 +8,7 @@ of it, so that it can be read, judged again and gone on with wherever it lies.
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from swath.runtime.workers import workers_kept
 from swath.tools.function_test.case import Claim, Point
 from swath.tools.function_test.judging.first_batch import name_first, telling_nothing
 from swath.tools.function_test.odd.binding import Odd, read_odd
-from swath.tools.function_test.odd.causes import Cause, causes_of
+from swath.tools.function_test.odd.causes import Cause, Explained, causes_of, excluded, explained, without
 from swath.tools.function_test.odd.cells import OddCell, judged, needed_each
 from swath.tools.function_test.odd.coverage import Coverage, coverage_of, driven_of
 from swath.tools.function_test.odd.design import Design
@@ -85,13 +86,37 @@ class Conducted:
         """What tells nothing in the first round, each with a line that says so."""
         return telling_nothing(self.results[:ROUND])
 
+    @cached_property
     def cells(self) -> list[OddCell]:
         """All cells with their verdicts."""
         return judged(self.coverage, self.claim, is_complete=self.is_complete)
 
+    @cached_property
     def causes(self) -> list[Cause]:
         """Where runs fail more than elsewhere, the strongest contrast first."""
         return causes_of(self.coverage, self.claim, is_complete=self.is_complete)
+
+    @cached_property
+    def outside(self) -> Coverage:
+        """What the runs drove that belong to no cause."""
+        return without(self.coverage, self.causes)
+
+    @cached_property
+    def rest(self) -> list[OddCell]:
+        """The cells judged by these runs alone."""
+        if not self.causes:
+            return self.cells
+        return judged(self.outside, self.claim, is_complete=self.is_complete)
+
+    @cached_property
+    def why(self) -> dict[str, Explained]:
+        """What the causes say of each broken cell, by its text."""
+        return explained(self.coverage, self.cells, self.causes, self.claim)
+
+    @cached_property
+    def out(self) -> list[Cause | OddCell]:
+        """What to leave out of the ODD, so that the function is shown in what remains."""
+        return excluded(self.cells, self.causes, self.rest)
 
 
 @workers_kept()
@@ -108,15 +133,13 @@ def conduct(
     points, results, coverage = list[Point](), list[Result](), Coverage(odd)
     while len(points) < campaign.budgets[-1]:
         count = min(ROUND, campaign.budgets[-1] - len(points))
-        new = design.next(coverage.planned, len(points), count)
+        new = design.next(coverage.counted, len(points), count)
         part = _session(folder, campaign, new, len(points))
         if not points:
             with own_code(folder):
                 part.plan.check()
         points += new
-        part.write()
-        part.do(workers, done, client)
-        for result in part.results():
+        for result in part.made(workers, done, client):
             results.append(result)
             coverage.add(driven_of(odd, result))
         if len(points) == count:

@@ -17,17 +17,14 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.core.number_text import num
-from swath.signals import F64
+from swath.signals import F64, I64, Mask
 from swath.tools.function_test.case import Claim
-from swath.tools.function_test.judging.verdict import BROKEN, SHOWN, needed
+from swath.tools.function_test.judging.verdict import BROKEN, SHOWN, needed, scipy_stats
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.cells import NEVER, OddCell, Span, p_broken
 from swath.tools.function_test.odd.coverage import Coverage, Driven
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,7 @@ def causes_of(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[Ca
     simpler = np.array([sum(last - first + 1 for first, last in spans) for spans in cells])
     wrong, found = 1.0 - claim.confidence, list[Cause]()
 
-    def counts(some: Flags) -> NDArray[np.int64]:
+    def counts(some: Mask) -> I64:
         own = drawn[some].astype(np.int64)
         return np.concatenate([(own.T @ own)[rows, columns], in_ranges[some].sum(axis=0)])
 
@@ -149,7 +146,7 @@ class _Box:
     score: float = 0.0
     p: float = 1.0
 
-    def holds(self, values: F64) -> Flags:
+    def holds(self, values: F64) -> Mask:
         """Runs in it, of values (runs, attributes)."""
         inside = [(values[:, k] >= low) & (values[:, k] <= high) for k, (low, high) in self.ends.items()]
         return np.logical_and.reduce(inside) if inside else np.ones(len(values), dtype=np.bool_)
@@ -162,7 +159,7 @@ class _Box:
                      for k, (a, b) in zip(self.ends, buckets, strict=True))  # fmt: skip
 
 
-def _best_box(odd: Odd, values: F64, fails: Flags) -> _Box | None:
+def _best_box(odd: Odd, values: F64, fails: Mask) -> _Box | None:
     """The box with the strongest contrast, found from the best intervals on, attribute by attribute."""
     if not fails.any():
         return None
@@ -185,7 +182,7 @@ def _best_box(odd: Odd, values: F64, fails: Flags) -> _Box | None:
     return min(found, key=lambda box: box.p, default=None)
 
 
-def _narrowed(odd: Odd, values: F64, fails: Flags, box: _Box, k: int) -> _Box:
+def _narrowed(odd: Odd, values: F64, fails: Mask, box: _Box, k: int) -> _Box:
     """A box with its best interval of an attribute, between two values at which runs fail (of a category: at
     one of them), by the likelihood of two rates against that of one.
     """
@@ -226,13 +223,11 @@ def _ranges(odd: Odd) -> Iterator[Span]:
                 yield first, last
 
 
-def _contrast(counted: NDArray[np.int64], failed: NDArray[np.int64], runs: int,
-              failures: int) -> NDArray[np.float64]:  # fmt: skip
+def _contrast(counted: I64, failed: I64, runs: int,
+              failures: int) -> F64:  # fmt: skip
     """Chance of so many failures or more in cells, where all runs fail alike."""
-    from scipy.stats import hypergeom
-
     kinds, which = np.unique(np.stack([counted, failed], axis=-1), axis=0, return_inverse=True)
-    chances = hypergeom.sf(kinds[:, 1] - 1, runs, failures, kinds[:, 0])  # slow: each kind once
+    chances = scipy_stats().hypergeom.sf(kinds[:, 1] - 1, runs, failures, kinds[:, 0])  # slow: each kind once
     return np.asarray(chances[which.ravel()], dtype=np.float64)
 
 
@@ -240,7 +235,7 @@ def _contrast_of(counted: int, failed: int, runs: int, failures: int) -> float:
     return float(_contrast(np.array([counted]), np.array([failed]), runs, failures)[0])
 
 
-def _is_in(drawn: Flags, spans: Sequence[Span]) -> Flags:
+def _is_in(drawn: Mask, spans: Sequence[Span]) -> Mask:
     found = np.ones(len(drawn), dtype=np.bool_)
     for first, last in spans:
         found &= drawn[:, first : last + 1].any(axis=1)

@@ -21,7 +21,14 @@ import numpy as np
 
 from swath.tools.function_test.case import Claim
 from swath.tools.function_test.judging.paired import holm
-from swath.tools.function_test.judging.verdict import BROKEN, NOT_SHOWN, SHOWN, log_capital, needed
+from swath.tools.function_test.judging.verdict import (
+    BROKEN,
+    NOT_SHOWN,
+    SHOWN,
+    log_capital,
+    needed,
+    scipy_stats,
+)
 from swath.tools.function_test.odd.coverage import Coverage
 
 Span = tuple[int, int]  # the first and the last of adjacent buckets of an attribute, numbered among all
@@ -59,24 +66,18 @@ class OddCell:
 
 def judged(coverage: Coverage, claim: Claim, *, is_complete: bool) -> list[OddCell]:
     """All cells that the ODD has, buckets first. is_complete: the plan is, as it was made first."""
-    from scipy.stats import false_discovery_control
-
     odd = coverage.odd
     places = [(i, i) for i in range(odd.bucket_count) if odd.possible[i, i]]
     places += [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(odd.possible, 1)), strict=True)]
     counted = np.array([coverage.counted[place] for place in places])
     failed = np.array([coverage.failed[place] for place in places])
-    broken = np.array(
-        [p_broken(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)]
-    )
-    shown = np.array(
-        [p_shown(int(n), int(k), claim, is_complete) for n, k in zip(counted, failed, strict=True)]
-    )
+    each = list(zip(counted.tolist(), failed.tolist(), strict=True))
+    broken, shown = (np.array([p(n, k, claim, is_complete) for n, k in each]) for p in (p_broken, p_shown))
     wrong = 1.0 - claim.confidence
     surely_broken = holm(dict(enumerate(broken.tolist())), wrong)
     is_shown, is_pair = np.zeros(len(places), dtype=bool), np.array([i != j for i, j in places])
     for family in (is_pair, ~is_pair):
-        is_shown[family] = false_discovery_control(shown[family], method="by") <= wrong
+        is_shown[family] = scipy_stats().false_discovery_control(shown[family], method="by") <= wrong
     cells, driven = [], coverage.driven
     for number, (i, j) in enumerate(places):
         own = (i,) if i == j else (i, j)
@@ -102,20 +103,16 @@ def named(coverage: Coverage, places: tuple[int, ...]) -> str:
 @cache
 def p_broken(counted: int, failed: int, claim: Claim, is_complete: bool) -> float:
     """Chance of so many failures or more where the claimed share of runs passes."""
-    from scipy.stats import binom
-
     if is_complete:
-        return float(binom.sf(failed - 1, counted, 1.0 - claim.pass_rate))
+        return float(scipy_stats().binom.sf(failed - 1, counted, 1.0 - claim.pass_rate))
     return min(1.0, exp(-log_capital(counted - failed, counted, claim.pass_rate, is_for=False)))
 
 
 @cache
 def p_shown(counted: int, failed: int, claim: Claim, is_complete: bool) -> float:
     """Chance of so few failures where no more than the claimed share of runs passes."""
-    from scipy.stats import binom
-
     if is_complete:
-        return float(binom.cdf(failed, counted, 1.0 - claim.pass_rate))
+        return float(scipy_stats().binom.cdf(failed, counted, 1.0 - claim.pass_rate))
     return min(1.0, exp(-log_capital(counted - failed, counted, claim.pass_rate, is_for=True)))
 
 

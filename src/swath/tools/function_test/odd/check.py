@@ -76,9 +76,9 @@ def _axis(odd: Odd, axis: Axis) -> list[Finding]:
         if axis.count < FEWEST:
             found.append(Finding(FEW, axis.name, f"{axis.count} buckets, expected {FEWEST} or more"))
         step = 1e-3 * (axis.edges[-1] - axis.edges[0])
-        for edge, beyond in ((axis.edges[0], -step), (axis.edges[-1], step)):
+        for edge, side, beyond in ((axis.edges[0], "below", -step), (axis.edges[-1], "above", step)):
             if odd.domain.holds({axis.name: edge + beyond}):
-                text = f"the ODD goes on beyond {num(edge)}{axis.unit}, the buckets end there"
+                text = f"the ODD goes on {side} {num(edge)}{axis.unit}, the buckets end there"
                 found.append(Finding(NOT_DRAWN, axis.name, text))
         for bucket in range(axis.count):
             limits = [odd.domain.holds({axis.name: axis.value(bucket, share)}) for share in WITHIN]

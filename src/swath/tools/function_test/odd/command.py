@@ -3,8 +3,8 @@
 import argparse
 from typing import Any
 
-from swath.terminal.options import option
-from swath.terminal.tables import add_json
+from swath.terminal.options import option, verb
+from swath.terminal.tables import add_json, as_json, table
 
 PLACE = "many", 2  # among all commands
 
@@ -13,14 +13,12 @@ def add(parsers: Any) -> None:
     """Add the command."""
     parser = parsers.add_parser("odd", help="check an operational design domain", description=_DESCRIPTION)
     verbs = parser.add_subparsers(metavar="VERB", required=True)
-    check = verbs.add_parser("check", help="what is unbound, out of range, contradictory, not simulated")
+    check = verb(verbs, "check", "what is unbound, out of range, contradictory, not simulated", _check)
     option(check, "odd ODD", "a binding, an OpenODD document, or wheat-harvest")
     add_json(check)
-    check.set_defaults(run=_check)
 
 
 def _check(args: argparse.Namespace) -> int:
-    from swath.terminal.tables import as_json, table
     from swath.tools.function_test.odd.binding import find_odd
     from swath.tools.function_test.odd.check import NOT_SIMULATED, UNBOUND, WRONG, check_file, table_of
 

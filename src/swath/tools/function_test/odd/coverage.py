@@ -10,11 +10,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swath.runtime.met import EVERY_M
 from swath.runtime.met import SUMMARY as MET
-from swath.signals import F64
+from swath.signals import F64, I64, Mask
 from swath.tools.function_test.judging.judged import UNCOUNTED
 from swath.tools.function_test.odd.binding import Axis, Odd
 from swath.tools.function_test.odd.openodd import Value
@@ -22,7 +21,6 @@ from swath.tools.function_test.stored_line import Result
 
 HIT_M = 5.0  # driven in a bucket for a hit: what is less is a way through [m]; estimated
 INSIDE = 0.9  # share of its way that a passing run has to be inside the ODD to count; estimated
-Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -44,10 +42,10 @@ class Driven:
     """
 
     result: Result
-    steps: Counts
+    steps: I64
     metres: F64
     seconds: F64
-    main: Counts
+    main: I64
     outside: Outside | None
 
     @property
@@ -98,7 +96,7 @@ def _values(axis: Axis, met: Mapping[str, Sequence[float | None]], point: Mappin
     return [point[axis.name]] * count if found is None else found
 
 
-def _longest(axis: Axis, places: Counts, metres: F64, point: Mapping[str, Value]) -> int:
+def _longest(axis: Axis, places: I64, metres: F64, point: Mapping[str, Value]) -> int:
     inside = places >= 0
     if not inside.any():
         return axis.bucket_of(point[axis.name])
@@ -161,24 +159,15 @@ class Coverage:
             if not run.passes:
                 self.failed[np.ix_(at, at)] += 1
 
-    def main(self, run: Driven) -> Counts:
+    def main(self, run: Driven) -> I64:
         """Numbers of the buckets for whose verdict a run counts."""
-        found: Counts = (self._first + run.main)[run.main >= 0]
+        found: I64 = (self._first + run.main)[run.main >= 0]
         return found
 
-    def is_in(self, run: Driven, places: Iterable[int]) -> bool:
-        """Whether a run counts for the verdict of some buckets together."""
-        return set(places) <= set(self.main(run).tolist())
-
     @property
-    def driven(self) -> NDArray[np.bool_]:
+    def driven(self) -> Mask:
         """Cells that a run drove HIT_M or more, or for whose verdict one counts."""
         return (self.hits > 0) | (self.counted > 0)
-
-    @property
-    def planned(self) -> F64:
-        """Runs in each pair of buckets, for the design: those that count for its verdict."""
-        return self.counted.astype(float)
 
     @property
     def pair_share(self) -> tuple[int, int]:

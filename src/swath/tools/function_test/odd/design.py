@@ -15,7 +15,7 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.random import Stream
-from swath.signals import F64
+from swath.signals import F64, I64
 from swath.tools.function_test.odd.binding import Odd
 from swath.tools.function_test.odd.openodd import Value
 
@@ -32,7 +32,7 @@ class Design:
     wanted: int
     seed: int
 
-    def next(self, done: F64, number: int, count: int) -> list[dict[str, Value]]:
+    def next(self, done: F64 | I64, number: int, count: int) -> list[dict[str, Value]]:
         """Points of the next runs. done: runs in each pair of buckets, (n, n), a bucket with itself: its own.
 
         number: of the first of these runs in the campaign. InputError where nothing lies inside the ODD.

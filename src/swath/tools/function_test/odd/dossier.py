@@ -51,16 +51,12 @@ from swath.tools.function_test.odd.causes import (
     REACH,
     WHYS,
     Cause,
-    Explained,
     cause_of,
     drawn_for,
-    excluded,
-    explained,
-    without,
 )
-from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, judged, needed_each
+from swath.tools.function_test.odd.cells import NEVER, VERDICTS, OddCell, needed_each
 from swath.tools.function_test.odd.check import not_drawn
-from swath.tools.function_test.odd.coverage import HIT_M, INSIDE, Coverage, Driven
+from swath.tools.function_test.odd.coverage import HIT_M, INSIDE, Driven
 from swath.tools.function_test.odd.restricted import write_restricted
 from swath.tools.function_test.odd.trace import (
     NOT_MEASURED,
@@ -196,12 +192,12 @@ class Summary:
     lines: Sequence[str]
 
 
-def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
+def summary_of(found: Conducted) -> Summary:
     """Cells by verdict, and sentences."""
     rows = []
     for name, some in (
-        ("buckets", [c for c in cells if len(c.places) == 1]),
-        ("pairs of buckets", [c for c in cells if len(c.places) == 2]),
+        ("buckets", [c for c in found.cells if len(c.places) == 1]),
+        ("pairs of buckets", [c for c in found.cells if len(c.places) == 2]),
     ):
         rows.append((name, *(str(sum(c.verdict == v for c in some)) for v in VERDICTS)))
     driven, pairs = found.coverage.pair_share
@@ -211,40 +207,38 @@ def summary_of(found: Conducted, cells: Sequence[OddCell]) -> Summary:
         f"{passed} of {len(tried)} runs pass; {driven} of {pairs} pairs of buckets driven {num(HIT_M)} m or "
         f"counted ({num(100 * driven / max(1, pairs))} %)"
     ]
-    causes = found.causes()
-    for cause, _, here, is_elsewhere in _runs_of(found, causes):
+    for cause, _, here, is_elsewhere in _runs_of(found):
         warning = f"; only {here} drove mainly there" if is_elsewhere else ""
         lines.append(
             f"cause: {cause.text}: {cause.failed} of {cause.counted} runs drawn there fail, elsewhere "
             f"{cause.rest_failed} of {cause.rest_counted}{warning}"
         )
-    lines += _told(explained(found.coverage, cells, causes, found.claim))
+    lines += _told(found)
     lines += [*_elsewhere(found), *found.session.level_lines()]
     errors = [run.result["reason"] for run in found.coverage.runs if run.result["verdict"] == ERROR]
     lines += unjudged_lines(run.result for run in found.coverage.runs if not run.is_judged)
     if errors:
         lines.append(errors_of(len(errors), len(found.coverage.runs), errors[0]))
-    short = _short(found, cells)
-    if short:
+    if short := _short(found):
         lines.append(short)
     return Summary(VERDICTS, rows, lines)
 
 
-def _runs_of(found: Conducted, causes: Sequence[Cause]) -> Iterable[tuple[Cause, list[Driven], int, bool]]:
+def _runs_of(found: Conducted) -> Iterable[tuple[Cause, list[Driven], int, bool]]:
     """Of each cause the runs drawn for it and no stronger one, how many of these drove mainly there, and
     whether those are too few to take the cause for what was driven.
     """
-    coverage = found.coverage
+    coverage, causes = found.coverage, found.causes
     for number, cause in enumerate(causes, 1):
         runs = [r for r in coverage.runs if r.counts and cause_of(coverage, r, causes[:number]) is cause]
         here = sum(cause.has(set(coverage.main(run).tolist())) for run in runs)
         yield cause, runs, here, here < (1.0 - ELSEWHERE) * len(runs)
 
 
-def _told(of: Mapping[str, Explained]) -> Iterable[str]:
+def _told(found: Conducted) -> Iterable[str]:
     """How many broken cells there are of each kind."""
     for why in WHYS:
-        if count := sum(e.why == why for e in of.values()):
+        if count := sum(e.why == why for e in found.why.values()):
             yield (
                 f"{counted(count, 'cell')} broken {why}"
                 if why == AS_THE_REST
@@ -252,44 +246,38 @@ def _told(of: Mapping[str, Explained]) -> Iterable[str]:
             )
 
 
-def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
+def write_dossier(found: Conducted) -> Path:
     """Write dossier.html, report.html, cells.csv, runs.csv, junit.xml, results.parquet and the restricted
     ODD.
     """
-    folder, claim = found.folder, found.claim
-    causes = found.causes()
-    outside = without(found.coverage, causes)
-    rest = judged(outside, claim, is_complete=found.is_complete) if causes else cells
-    why = explained(found.coverage, cells, causes, claim)
-    out = excluded(cells, causes, rest)
-    restricted = write_restricted(folder, found.odd, out)
-    write_csv(folder / "cells.csv", [*_cell_rows(found, cells, why)])
+    folder = found.folder
+    restricted = write_restricted(folder, found.odd, found.out)
+    write_csv(folder / "cells.csv", [*_cell_rows(found)])
     write_csv(folder / "runs.csv", [*_run_rows(found)])
     write_csv(folder / "requirements.csv", [*trace_rows(found.odd.file, found.results, folder.name)], TRACE)
     found.session.table()
     plan = found.session.plan
     tested = cells_of(plan.found, plan.candidates, plan.counts, found.results)
-    _junit(write_junit(folder / "junit.xml", tested), found, cells, why)
+    _junit(write_junit(folder / "junit.xml", tested), found)
     write_matrix(folder / "report.html", tested)
-    page = folder / "dossier.html"
-    broken = _causes(found, causes)
+    broken = _causes(found)
     left = [run for run in found.coverage.runs if run.outside is not None]
     failing = [run for run in found.coverage.runs if run.is_judged and not run.passes]
     elsewhere = "**(!)** marks a cause most of whose runs did not drive mainly there: "
     marked = elsewhere if any("(!)" in str(row[4]) for row in broken) else ""
-    about = f"{ABOUT_CAUSES}{marked}{ABOUT_DRAWN}{_left_over(outside, causes)}."
-    said = list(_told(why))
+    about = f"{ABOUT_CAUSES}{marked}{ABOUT_DRAWN}{_left_over(found)}."
+    said = list(_told(found))
     needed = [_requirement(folder.name, trace) for trace in traced(found.odd.file, found.results)]
     rules = Table("", ("module", "", "condition"), found.odd.domain.rules())
     sections = [
         Section("Where it is broken", [
-            Table("", CAUSES, broken, (1, 2, 3, 4), about) if broken else _no_cause(cells),
+            Table("", CAUSES, broken, (1, 2, 3, 4), about) if broken else _no_cause(found),
             Items(said), ALL_CELLS if said else "",
             Table("By which limit runs fail", LIMITS, _by_limit(found), (1, 2, 3, 4), ABOUT_LIMITS),
             Table("How runs ended", ("reason", "runs", "of these pass"), _by_end(found), (1, 2)),
         ]),
-        Section("Where it is shown to work", _where_shown(found, cells, rest, out, restricted.name)),
-        Section("What was never driven", _never(found, cells)),
+        Section("Where it is shown to work", _where_shown(found, restricted.name)),
+        Section("What was never driven", _never(found)),
         Section("What not to believe", [
             Items(_believe(found)),
             Table("Runs that are not judged", ("slot", "quantity", "runs", "met"), _unjudged(found), (2,)),
@@ -302,12 +290,12 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         ]),
         evidence_table(folder),
         Table("Requirements", REQUIREMENTS, needed, (2, 3, 4, 5), ABOUT_REQUIREMENTS),
-        Section("Verdicts by layer of the ODD", [_keys(), _layers(found, cells), ABOUT_LAYERS]),
+        Section("Verdicts by layer of the ODD", [_keys(), _layers(found), ABOUT_LAYERS]),
         Section("Attributes, bucket by bucket", [
-            _attributes(found, cells), ABOUT_BUCKETS,
+            _attributes(found), ABOUT_BUCKETS,
             Fold("The ODD as it was read", [rules, ABOUT_RULES]),
         ]),
-        Section("Every pair of buckets", [_matrix(found, cells), ABOUT_MATRIX]),
+        Section("Every pair of buckets", [_matrix(found), ABOUT_MATRIX]),
         Table("Runs that left the ODD", LEFT, [_left(run) for run in left[:LISTED]], (1, 2, 3),
               f"{more(len(left), LISTED, '`runs.csv`')} {ABOUT_LEFT}"),
         Table("Runs that fail", FAILED, [_run(folder.name, run) for run in failing[:LISTED]],
@@ -323,31 +311,31 @@ def write_dossier(found: Conducted, cells: list[OddCell]) -> Path:
         ]),
     ]  # fmt: skip
     return write_page(
-        page,
+        folder / "dossier.html",
         sections,
         heading=f"Dossier: {found.odd.name}",
         lead=found.odd.file.objective,
-        verdict=_verdict(cells, len(broken)),
+        verdict=_verdict(found),
         top=[
             Banner(NO_CERTIFICATE),
             *banners(found.telling_nothing),
-            Facts(_facts(found, cells)),
+            Facts(_facts(found)),
             *_about(found),
         ],
     )
 
 
-def _verdict(cells: Sequence[OddCell], causes: int) -> tuple[str, str, str]:
-    broken = sum(c.verdict == BROKEN for c in cells)
+def _verdict(found: Conducted) -> tuple[str, str, str]:
+    broken, causes = sum(c.verdict == BROKEN for c in found.cells), len(found.causes)
     if broken:
         said = counted(causes, "cause") if causes else "no cause separated"
         return "fail", f"{counted(broken, 'cell')} broken", said
-    if all(c.verdict == SHOWN for c in cells):
+    if all(c.verdict == SHOWN for c in found.cells):
         return "pass", "all shown", "none broken"
     return "none", "not all shown", "none broken"
 
 
-def _facts(found: Conducted, cells: Sequence[OddCell]) -> dict[str, object]:
+def _facts(found: Conducted) -> dict[str, object]:
     claim, runs = found.claim, found.coverage.runs
     driven, pairs = found.coverage.pair_share
     return {
@@ -356,7 +344,7 @@ def _facts(found: Conducted, cells: Sequence[OddCell]) -> dict[str, object]:
         "claim for each cell": f"{num(100 * claim.pass_rate)} % of its runs pass, "
         f"{num(100 * claim.confidence)} % confidence",
         f"pairs of buckets driven {num(HIT_M)} m or counted": f"{driven} of {pairs}",
-        "fewest runs counted for a pair": str(_fewest(cells)),
+        "fewest runs counted for a pair": str(_fewest(found)),
         "requirement": found.odd.file.requirement or None,
         "ODD version": found.odd.domain.version or None,
         "LiDAR level": "; ".join(f"{name}: {n} runs" for name, n in found.session.levels().items()),
@@ -371,8 +359,8 @@ def _about(found: Conducted) -> tuple[str, str]:
     )
 
 
-def _no_cause(cells: Sequence[OddCell]) -> str:
-    if count := sum(c.verdict == BROKEN for c in cells):
+def _no_cause(found: Conducted) -> str:
+    if count := sum(c.verdict == BROKEN for c in found.cells):
         return (
             f"{counted(count, 'cell')} broken, but in none do runs fail more often than in the rest, so no "
             "cause can be separated."
@@ -383,18 +371,12 @@ def _no_cause(cells: Sequence[OddCell]) -> str:
     )
 
 
-def _where_shown(
-    found: Conducted,
-    cells: Sequence[OddCell],
-    rest: Sequence[OddCell],
-    out: Sequence[Cause | OddCell],
-    name: str,
-) -> list[object]:
+def _where_shown(found: Conducted, name: str) -> list[object]:
     """The buckets in which the function is shown, and the ODD that remains."""
-    left = _shown(found, rest)
-    rows = [(*now, without) for now, (_, without) in zip(_shown(found, cells), left, strict=True)]
-    is_alike = rest is cells
-    short = _short(found, cells)
+    left, out = _shown(found, found.rest), found.out
+    rows = [(*now, without) for now, (_, without) in zip(_shown(found, found.cells), left, strict=True)]
+    is_alike = not found.causes
+    short = _short(found)
     said = (
         f"Each attribute is judged by itself, over all values of the others that were driven with it. {short}"
     )
@@ -422,9 +404,9 @@ def _where_shown(
     ]
 
 
-def _never(found: Conducted, cells: Sequence[OddCell]) -> list[object]:
+def _never(found: Conducted) -> list[object]:
     """Cells without a run, and what no run could drive."""
-    never = [c.text for c in cells if c.verdict == NEVER]
+    never = [c.text for c in found.cells if c.verdict == NEVER]
     lost = [(n, b.not_simulated) for n, b in found.odd.file.attributes.items() if b.not_simulated]
     unbound = [n for n in found.odd.domain.attributes if n not in found.odd.file.attributes]
     undrawn = [(finding.name, finding.text) for finding in not_drawn(found.odd)]
@@ -451,21 +433,21 @@ def _how(found: Conducted) -> str:
     return HOW.format(test, sure, wrong)
 
 
-def _short(found: Conducted, cells: Sequence[OddCell]) -> str:
+def _short(found: Conducted) -> str:
     """How many runs would show all pairs, where these did not."""
-    pairs = [c for c in cells if len(c.places) == 2]
+    pairs = [c for c in found.cells if len(c.places) == 2]
     need = needed_each(len(pairs), found.claim)
     if all(c.verdict in (SHOWN, BROKEN) for c in pairs):
         return ""
     return (
         f"{needed_each(1, found.claim)} runs without a failure show a single cell; for all {len(pairs)} "
-        f"pairs together each needs {need}, the one with the fewest counted runs has {_fewest(cells)}"
+        f"pairs together each needs {need}, the one with the fewest counted runs has {_fewest(found)}"
     )
 
 
-def _fewest(cells: Sequence[OddCell]) -> int:
+def _fewest(found: Conducted) -> int:
     """Runs that count for the pair for which fewest do."""
-    return min((c.counted for c in cells if len(c.places) == 2), default=0)
+    return min((c.counted for c in found.cells if len(c.places) == 2), default=0)
 
 
 def _shown(found: Conducted, cells: Sequence[OddCell]) -> list[tuple[str, str]]:
@@ -494,16 +476,16 @@ def _overall(tried: Sequence[Driven]) -> str:
     )
 
 
-def _left_over(outside: Coverage, causes: Sequence[Cause]) -> str:
-    runs = [run for run in outside.runs if run.counts]
+def _left_over(found: Conducted) -> str:
+    runs = [run for run in found.outside.runs if run.counts]
     failed = sum(not run.passes for run in runs)
-    return f"Of the runs in none of these, {failed} of {len(runs)} fail" if causes else ""
+    return f"Of the runs in none of these, {failed} of {len(runs)} fail" if found.causes else ""
 
 
-def _causes(found: Conducted, causes: Sequence[Cause]) -> list[list[object]]:
+def _causes(found: Conducted) -> list[list[object]]:
     """Rows of causes."""
     rows: list[list[object]] = []
-    for cause, runs, here, is_elsewhere in _runs_of(found, causes):
+    for cause, runs, here, is_elsewhere in _runs_of(found):
         failing = sorted((run.result for run in runs if not run.passes), key=lambda result: str(result["id"]))
         repeat = [element("code", again(found.folder.name, result)) for result in failing[:3]]
         rows.append(
@@ -578,14 +560,14 @@ def _elsewhere(found: Conducted) -> Iterable[str]:
             )
 
 
-def _layers(found: Conducted, cells: Sequence[OddCell]) -> Table:
+def _layers(found: Conducted) -> Table:
     """Counts of the cells of each pair of layers by verdict; a layer with itself has its buckets, too."""
     names = found.odd.layers
     rows = []
     for i, a in enumerate(names):
         row: list[object] = [element("strong", a)]
         for b in names[: i + 1]:
-            some = [c for c in cells if {*c.layers} == {a, b}]
+            some = [c for c in found.cells if {*c.layers} == {a, b}]
             counts = {v: n for v in VERDICTS if (n := sum(c.verdict == v for c in some))}
             strip = [
                 element("i", class_=_look(v), style=f"width:{100 * n / len(some):.4g}%", title=f"{n} {v}")
@@ -602,9 +584,9 @@ def _look(verdict: str) -> str:
     return verdict.replace(" ", "-")
 
 
-def _attributes(found: Conducted, cells: Sequence[OddCell]) -> Beside:
+def _attributes(found: Conducted) -> Beside:
     """Of each attribute its buckets: verdict, runs, way and time; those outside the ODD too."""
-    by_place = {c.places[0]: c for c in cells if len(c.places) == 1}
+    by_place = {c.places[0]: c for c in found.cells if len(c.places) == 1}
     drawn = [drawn_for(found.odd, run) for run in found.coverage.runs]
     tables: list[object] = []
     for axis in found.odd.axes:
@@ -627,13 +609,13 @@ def _attributes(found: Conducted, cells: Sequence[OddCell]) -> Beside:
     return Beside(tables, "columns")
 
 
-def _matrix(found: Conducted, cells: Sequence[OddCell]) -> Beside:
+def _matrix(found: Conducted) -> Beside:
     """Every pair of buckets as a square, below the diagonal."""
     odd, size, layer = found.odd, 1.0 / found.odd.bucket_count, ""
     made = Chart(
         STEP * odd.bucket_count, STEP * odd.bucket_count, "verdict of every pair of buckets", left=AXES
     )
-    for cell in cells:
+    for cell in found.cells:
         x, y = cell.places[0] * size, 1.0 - (cell.places[-1] + 1) * size
         counts = f"{cell.counted - cell.failed} of {cell.counted} pass, {num(cell.metres)} m"
         look = "clean" if cell.verdict == NOT_SHOWN and not cell.failed else _look(cell.verdict)
@@ -784,13 +766,12 @@ def _code(code: str, of: str) -> str:
     return f"{code}, commit {of}" if of else f"{code}, commit unknown"
 
 
-def _cell_rows(found: Conducted, cells: Sequence[OddCell],
-               why: Mapping[str, Explained]) -> Iterable[Mapping[str, Any]]:  # fmt: skip
-    for cell in cells:
+def _cell_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
+    for cell in found.cells:
         axes = [found.odd.bucket_axis[place] for place in cell.places]
         names = [axis.name for axis, _ in axes] + [""] * (2 - len(axes))
         labels = [axis.labels[bucket] for axis, bucket in axes] + [""] * (2 - len(axes))
-        reason = why.get(cell.text)
+        reason = found.why.get(cell.text)
         yield {
             "attribute": names[0],
             "bucket": labels[0],
@@ -831,19 +812,18 @@ def _run_rows(found: Conducted) -> Iterable[Mapping[str, Any]]:
         }
 
 
-def _junit(path: Path, found: Conducted, cells: Sequence[OddCell],
-           why: Mapping[str, Explained]) -> None:  # fmt: skip
+def _junit(path: Path, found: Conducted) -> None:
     """Put the buckets and the broken pairs into a JUnit file, as a suite of their own."""
     root = ET.fromstring(read_text(path, "file", "a file of results"))
     suite = ET.SubElement(root, "testsuite", name=f"ODD {found.odd.name}")
     if found.odd.file.requirement:
         properties = ET.SubElement(suite, "properties")
         ET.SubElement(properties, "property", name="requirement", value=found.odd.file.requirement)
-    listed = [cell for cell in cells if len(cell.places) == 1 or cell.verdict == BROKEN]
+    listed = [cell for cell in found.cells if len(cell.places) == 1 or cell.verdict == BROKEN]
     for cell in listed:
         test = ET.SubElement(suite, "testcase", classname=f"ODD {found.odd.name}", name=cell.text)
         if cell.verdict == BROKEN:
-            of = why[cell.text]
+            of = found.why[cell.text]
             cause = f"; {of.why}" if of.cause is None else f"; cause: {of.cause.text}, {of.why}"
             ET.SubElement(test, "failure", message=f"{cell.failed} of {cell.counted} runs fail{cause}")
         elif cell.verdict != SHOWN:

@@ -1,19 +1,18 @@
 """`swath test search`: the boundary of failure of a case."""
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
 
 from swath.core.number_text import num, span
-from swath.terminal.options import add_folder, add_sets, option
+from swath.terminal.options import add_folder, add_sets, made_of, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
 
 def add(verbs: Any) -> None:
     """Add the verb."""
-    search = verbs.add_parser(
-        "search", help="search the boundary of failure within the parameter ranges of a case"
+    search = verb(
+        verbs, "search", "search the boundary of failure within the parameter ranges of a case", _search
     )
     option(search, "case", "a case file or a bundled case; parameters with a range are searched")
     add_folder(search, "search", text="folder of the results", alone=False)
@@ -23,17 +22,16 @@ def add(verbs: Any) -> None:
     add_sets(search, "of every scenario")
     option(search, "--check DIR", "other results of the case, to check the boundary against", type=Path)
     add_engine(search)
-    search.set_defaults(run=_search)
 
 
 def _search(args: argparse.Namespace) -> int:
     from swath.core.errors import InputError
+    from swath.tools.function_test.case import source_of
     from swath.tools.function_test.search.search import Search, run_search
 
     if args.batch < 1:
         raise InputError("--batch", args.batch, "expected 1 run or more")
-    source = str(Path(args.case).resolve()) if os.path.exists(Path(args.case)) else args.case
-    search = Search(source, args.limit, args.batch, tuple(args.sets))
+    search = made_of(Search, args, case=source_of(args.case))
     with progress(args.budget) as done, engine(args.cluster, args.workers) as client:
         found = run_search(args.out, search, args.budget, max(1, args.workers), done, client)
     return tell(found, args.check)

@@ -11,7 +11,7 @@ from swath.core.number_text import num, percent_of, signed, span
 from swath.report.chart import Chart
 from swath.report.html import Beside, Facts, Html, Section, Table, bar, element, joined, write_page
 from swath.tools.function_test.judging.first_batch import banners
-from swath.tools.function_test.page import failures, point_text
+from swath.tools.function_test.page import axis_of, failures, point_text
 from swath.tools.function_test.search.boundary import Boundary
 from swath.tools.function_test.search.search import Searched
 from swath.tools.function_test.stored_line import Result
@@ -19,11 +19,10 @@ from swath.tools.function_test.stored_line import Result
 SIDE, BINS = 270.0, 22  # of a map [px], squares along it
 FAILED_MAX = 60  # runs in the list
 PARAMETERS = ("parameter", "key", "range", "alone", "with all that it acts with")
-ABOUT_MAPS = (
-    "Dots are runs that keep their limits, crosses runs that do not. The colour is the share of the other "
-    "parameters' ranges in which runs are expected to keep them: blue all, none of both colours half, "
-    "orange none. Expected is what a Gaussian process makes of the margins; the runs are where it knew "
-    "least on which side of the boundary they would fall."
+RUNS = "Dots are runs that keep their limits, crosses runs that do not."
+COLOURS = (
+    "The colour is the share of the other parameters' ranges in which runs are expected to keep them: blue "
+    "all, none of both colours half, orange none. Expected is what a Gaussian process makes of the margins."
 )
 ABOUT_SHARES = "Shares of the margin's variance over the ranges (Sobol's indices), from the same runs."
 
@@ -40,7 +39,7 @@ def write_search(path: Path, found: Searched, checked: tuple[int, int] | None = 
         for (name, first, total), ends in zip(boundary.sensitivities(), found.ranges.values(), strict=True)
     ]  # fmt: skip
     sections = [
-        Section("Where runs pass", [Beside(maps or [_line(found, boundary)]), ABOUT_MAPS]),
+        Section("Where runs pass", [Beside(maps or [_line(found, boundary)]), RUNS, maps and COLOURS]),
         Table("What matters", PARAMETERS, sensitivities, text=ABOUT_SHARES),
         failures("Failed runs, nearest to the boundary first", "margin", rows, len(failed)),
     ]  # fmt: skip
@@ -71,9 +70,9 @@ def index(share: float) -> Html:
 
 def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:
     """Over two parameters: the share of the others' ranges in which runs pass, and the runs."""
-    made = Chart(
-        SIDE, SIDE, f"{_axis(found, y)[0]} over {_axis(found, x)[0]}", _axis(found, x), _axis(found, y)
-    )
+    names = boundary.names[x], boundary.names[y]
+    across, up = (axis_of(found.case, name) for name in names)
+    made = Chart(SIDE, SIDE, "{1} over {0}".format(*names), across, up)
     size = 1.0 / BINS
     for row, line in enumerate(boundary.map_of(x, y, BINS)):
         for column, share in enumerate(line):
@@ -88,7 +87,7 @@ def _map(found: Searched, boundary: Boundary, x: int, y: int) -> Chart:
 
 def _line(found: Searched, boundary: Boundary) -> Chart:
     """The margin over one parameter, from -1 to 1 upwards."""
-    x = _axis(found, 0)
+    x = axis_of(found.case, boundary.names[0])
     made = Chart(SIDE, SIDE, f"margin over {x[0]}", x, ("margin", "-1", "1"))
     made.line(0.0, 0.5, 1.0, 0.5, "3 3")
     return _with_runs(made, found, boundary, boundary.points[:, 0], 0.5 + 0.5 * boundary.margins)
@@ -97,16 +96,8 @@ def _line(found: Searched, boundary: Boundary) -> Chart:
 def _with_runs(made: Chart, found: Searched, boundary: Boundary, x: Any, y: Any) -> Chart:
     for a, b, margin, result in zip(x, y, boundary.margins, found.judged, strict=True):
         title = f"{point_text(result['point'], result['seed'])}: margin {signed(margin)}"
-        if margin >= 0.0:
-            made.dot(float(a), float(b), "on", title)
-        else:
-            made.cross(float(a), float(b), title)
+        made.run(float(a), float(b), title, keeps=margin >= 0.0)
     return made
-
-
-def _axis(found: Searched, number: int) -> tuple[str, str, str]:
-    name, (low, high) = list(found.ranges.items())[number]
-    return name, num(low), num(high)
 
 
 def _nearest_first(found: Searched, failed: Sequence[Result]) -> list[tuple[Result, float]]:

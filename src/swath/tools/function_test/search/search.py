@@ -6,7 +6,7 @@ in a journal taken from there, and goes on where it was.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,9 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.number_text import num, percent_of
-from swath.documents.validation import near_miss
 from swath.runtime.workers import workers_kept
 from swath.signals import F64
-from swath.tools.function_test.case import Case, Point, Scalar, find_cases, limits_of
+from swath.tools.function_test.case import Case, Point, Scalar, one_case
 from swath.tools.function_test.journal import TABLE, read_table
 from swath.tools.function_test.judging.first_batch import margin_telling_nothing, name_first
 from swath.tools.function_test.judging.judged import unjudged_lines
@@ -64,7 +63,7 @@ class Searched:
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Parameters that are searched, with their ranges."""
-        return ranges_of(self.case)
+        return self.case.ranges
 
     @property
     def boundary(self) -> Boundary:
@@ -131,7 +130,7 @@ class Searched:
     def _evenly_spread(self) -> int:
         """How many runs came before those that were chosen by what the others had shown."""
         even = sobol_points(len(self.results), len(self.ranges))
-        chosen = (_point(self.case, self.ranges, row) != r["point"]
+        chosen = (_point(self.case, row) != r["point"]
                   for row, r in zip(even, self.results, strict=True))  # fmt: skip
         return next((number for number, is_chosen in enumerate(chosen) if is_chosen), len(self.results))
 
@@ -157,11 +156,6 @@ class Searched:
         return int(np.sum(right)), int(np.sum(np.isfinite(margins)))
 
 
-def ranges_of(case: Case) -> dict[str, tuple[float, float]]:
-    """Parameters of a case that have a range."""
-    return {name: varied.range for name, varied in case.file.vary.items() if varied.range is not None}
-
-
 @workers_kept()
 def run_search(
     folder: Path, search: Search, budget: int, workers: int, done: Done, client: Any = None
@@ -174,20 +168,17 @@ def run_search(
     claim_folder(folder / SEARCH, search, "a search")
     budget = max(budget, len(Session(folder, Plan(search.case)).counted()))
     seeds, points = case.seeds, list[Point]()
-    ranges = ranges_of(case)
     found = Searched(folder, search, case, [])
     while len(points) < budget:
         if points:
             margins = found.margins(found.results)
             more = next_points(found.in_cube(points), margins, min(search.batch, budget - len(points)))
         else:
-            more = first_points(len(ranges), budget)
-        points += [_point(case, ranges, row) for row in more]
+            more = first_points(len(case.ranges), budget)
+        points += [_point(case, row) for row in more]
         chosen = tuple((seeds[i % len(seeds)], point) for i, point in enumerate(points))
         session = Session(folder, Plan(search.case, sets=search.sets, level=search.level, points=chosen))
-        session.write()
-        session.do(workers, done, client)
-        found = replace(found, results=session.results())
+        found = replace(found, results=session.made(workers, done, client))
         if len(points) == len(more):
             name_first({}, found.telling_nothing)
     return found
@@ -201,10 +192,10 @@ def open_search(session: Session) -> Searched | None:
     return Searched(session.folder, search, session.plan.found[0], session.results())
 
 
-def _point(case: Case, ranges: Mapping[str, tuple[float, float]], row: F64) -> dict[str, Scalar]:
+def _point(case: Case, row: F64) -> dict[str, Scalar]:
     """A point of the cube as values, four digits each; parameters without a range at their first value."""
     values: dict[str, Scalar] = {name: varied.at[0] for name, varied in case.file.vary.items()}
-    for (name, (low, high)), share in zip(ranges.items(), row, strict=True):
+    for (name, (low, high)), share in zip(case.ranges.items(), row, strict=True):
         values[name] = float(f"{low + share * (high - low):.4g}")
     return values
 
@@ -212,23 +203,10 @@ def _point(case: Case, ranges: Mapping[str, tuple[float, float]], row: F64) -> d
 def _check(search: Search, budget: int) -> Case:
     """The one case of a search. Raises InputError for what cannot be searched."""
     case = one_case(search.case, search.limit)
-    if not ranges_of(case):
+    if not case.ranges:
         expected = "expected a parameter with a range, whose boundary is to be found"
         raise InputError("vary", ", ".join(case.file.vary) or None, expected, file=case.document.file)
     if budget < FEWEST:
         raise InputError("--budget", budget, f"expected {FEWEST} runs or more")
     Plan(search.case, sets=search.sets).check()
-    return case
-
-
-def one_case(source: str, limit: str) -> Case:
-    """The one case of a source. limit: "", or the name of one that it has. InputError for another."""
-    cases = find_cases(source)
-    if len(cases) != 1:
-        raise InputError("case", source, f"expected one case, there are {len(cases)}")
-    (case,) = cases
-    names = [name for _, name in limits_of(case.file.expect)]
-    if limit and limit not in names:
-        expected = f"expected one of {', '.join(names)}{near_miss(limit, names)}"
-        raise InputError("--limit", limit, expected, file=case.document.file)
     return case
