@@ -147,6 +147,6 @@ def test_an_echo_of_the_air_at_the_scanner_says_that_nothing_answered():
         Scan(1, np.zeros(41), azimuth, np.zeros(41), ranges.astype(np.float32), np.ones((41, 1), np.float32)),
         (2.0, 0.0), FRAME, ground, -3.5, -0.25,
     )  # fmt: skip
-    kinds = rays.answers(ground, 0.85, (0.0, 0.0)).cells % CLASSES
+    kinds = rays.answers(ground, 0.0, 0.85, (0.0, 0.0)).cells % CLASSES
     assert len(kinds) > 5
     assert set(kinds.tolist()) == {AIR}

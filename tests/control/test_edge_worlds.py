@@ -60,6 +60,7 @@ def test_a_sixth_of_the_judging_cases_lean_out():
     assert sum("leans out" in of for of in tags) >= 20
 
 
+@pytest.mark.draws
 @pytest.mark.parametrize("pool", list(POOLS))
 def test_cases_are_worlds_of_straight(pool):
     for number in range(0, COUNTS[pool], 1 + COUNTS[pool] // 40):
@@ -115,6 +116,7 @@ def test_samples_are_even_over_the_way():
     assert numbers(row(error=0.12, sd=0.05))["band"] == 0.0
 
 
+@pytest.mark.draws
 def test_scans_hold_an_edge_where_one_stands_and_none_behind_dust():
     sets = {"seed": 3, "run.distance_m": 12, "combine.lidar.level": "empirical"}
     clear = driven(Case("clear", texts(sets)))
