@@ -329,11 +329,11 @@ ROWS = (("maize", 0.75, 9, 0.25), ("soy", 0.75, 35, 0.08), ("soy", 0.38, 35, 0.0
 
 
 def rows(number: int) -> Case:
-    """Crops in rows on a straight edge; first those on the right of the machine."""
-    (crop, spacing, stems, stubble), side = ROWS[number % 4], ("left", "right")[number // 4]
+    """Crops in rows on a straight edge; first those on the right of the machine; three seeds."""
+    (crop, spacing, stems, stubble), side = ROWS[number % 4], ("left", "right")[number // 4 % 2]
     stand = {"level": "uniform", "crop": crop, "row_spacing_m": spacing, "stems_per_m2": stems}
-    edge = {"shape": "straight", "crop_side": ("right", "left")[number // 4], "stubble_height_m": stubble}
-    sets = {STAND: stand, EDGE: edge, "combine.edge_side": side}
+    edge = {"shape": "straight", "crop_side": ("right", "left")[number // 4 % 2], "stubble_height_m": stubble}
+    sets = {STAND: stand, EDGE: edge, "combine.edge_side": side, "seed": 11 + number // 8}
     return _fixed(f"{crop} {spacing} m {side}", METRES, sets)
 
 
@@ -366,7 +366,7 @@ POOLS: dict[str, Callable[[int], Case]] = {
     "building": pool("building"), "judging": pool("judging"), "nine": nine, "waves": waves, "rows": rows,
     "domain": domain,
 }  # fmt: skip
-COUNTS = {"building": 24, "judging": 120, "nine": 9, "waves": 9, "rows": 8, "domain": 32}
+COUNTS = {"building": 24, "judging": 120, "nine": 9, "waves": 9, "rows": 24, "domain": 32}
 
 
 # ---- A run and what is kept of it
