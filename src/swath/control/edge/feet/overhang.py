@@ -34,8 +34,9 @@ UNEVEN = 0.05  # m, standard deviation of the width over a metre of a ragged edg
 CUT_M = 10.0  # m of travel over which what the header cuts says how the stand leans, estimated
 STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may, and that must show a ramp
 STANDS = 15.0 * DEG  # smaller leans are those of a stand that stands
+MISTAKEN = 0.1  # chance that stands lean by anything, against what the driver says, estimated
 RAMPS = 0.98  # chance at most that what seems a ramp is one, estimated
-_LEANS, _DIRECTIONS = DEG * np.arange(0.0, 75.0, 2.5), pi * ((np.arange(16) + 0.5) / 16 - 0.5)
+_LEANS, _DIRECTIONS = DEG * np.arange(0.0, 75.0, 2.5), pi * ((np.arange(8) + 0.5) / 8 - 0.5)
 PLACE, NEVER = 0.025, 1e-6  # m between places that a hang may have; chance that is none
 PLACES = PLACE * np.arange(-20.0, 80.0)
 _OUTSIDE = PLACES > TOLERANCE
@@ -159,7 +160,8 @@ class HeightOverhang:
         self._upright, self._most = upright, min(view / upright, 1.0) if upright > 0.0 else 1.0
         self._sd = PERCENT * percent
         prior = portable.exp(-_LEANS / (DEG * max(lean_deg, 0.1)))
-        self._prior = (prior / float(prior.sum()))[:, None]
+        prior = (1.0 - MISTAKEN) * prior / float(prior.sum()) + MISTAKEN / len(_LEANS)
+        self._prior = prior[:, None]
 
     def lean(self, crop: float, stopped: float) -> float:
         """Lean of the stems off the vertical [rad], 0 where crop of this height [m] may as well stand.
