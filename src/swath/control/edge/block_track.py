@@ -10,10 +10,9 @@ from math import inf, isfinite, tan
 import numpy as np
 
 from swath.control.edge.arc_track import KEPT, SAME, Arc, ArcTrack
-from swath.control.edge.blocks import EDGES, Block, Found, find_edge
+from swath.control.edge.blocks import EDGES, Block, Found, find_edge, split
 from swath.control.edge.canopy_classes import HEADROOM, LAYER, ROOM
 from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
-from swath.control.edge.edge_start import EdgeStart
 from swath.control.edge.feet.canopy_feet import CanopyFeet
 from swath.control.edge.feet.lodging import DENSE, Lodging
 from swath.control.edge.line.broken_line import carried_on
@@ -22,15 +21,18 @@ from swath.control.edge.line.edge_wall import JaggedWall, Wall, WallsBehind, pla
 from swath.control.edge.line.inner_edge import LONG
 from swath.control.edge.line.near_line import DISTANCE, EdgePoints
 from swath.control.edge.line.ragged_line import bite_of, ragged_line
-from swath.control.edge.populations import Populations, taller
+from swath.control.edge.populations import Populations, crop_excess, overlap_of
 from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
 from swath.signals import F64
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
+BEGIN_GAIN = 20.0  # nat of two populations over one, at first
 GATE, WIDENING = 0.28, 0.025  # m, 1/m: + WIDENING times the square of the distance unseen
 BLURRED, BROAD = 0.08, 0.5  # m, deviation of a block's edge in dust from which on the gate is as wide; m
+MOST_ALIKE, MORE_CROP = 0.93, 0.03  # overlap of both sides' classes; share of rays that only crop stops
 HEIGHT = 0.85  # m, of a crop that was not seen yet
+TALL, MANY = 0.5, 100  # of that height: echoes above are crop; so many show how high it stands
 LEARNED = 0.15  # m beside the track: blocks further off teach nothing
 RAGGED_M = 6.0  # m of travel over which it is seen how ragged the edge is
 RELIC_M, ELSEWHERE, TURNED = 15.0, 0.8, 0.5  # m that a lost line is remembered; m, rad from it: another edge
@@ -76,7 +78,7 @@ class BlockTrack(KeepsState):
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_broken", "_scatters", "_lost", "bite", "turn_sd", "_breaks", "_lodging",
-        "jagged", "_bends", "_walls", "_start",
+        "jagged", "_bends", "_walls",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -84,7 +86,7 @@ class BlockTrack(KeepsState):
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
         self.populations, self.feet = Populations(), CanopyFeet(search.spacing, search.view)
         self._breaks, self._lodging, self.jagged = EdgeBreaks(), Lodging(), JaggedWall()
-        self._walls, self._start = WallsBehind(), EdgeStart()
+        self._walls = WallsBehind()
         self.clear()
 
     def clear(self) -> None:
@@ -95,7 +97,6 @@ class BlockTrack(KeepsState):
         self._lodging.clear()
         self.jagged.clear()
         self._walls.clear()
-        self._start.clear()
         self._scans: list[RayAnswers] = []
         self.height, self.agreed, self.scatter = HEIGHT, 0.0, 0.0
         self.blank, self.followed = 0.0, 0
@@ -125,53 +126,54 @@ class BlockTrack(KeepsState):
         if self._block.travel < BLOCK:
             return
         self._lodging.stubble = stubble
-        if self.track.arc is None:
-            is_done = self._begin(frame, at)
-        elif self.followed < YOUNG and self._is_front():
+        if self.track.arc is None and self._is_taller():
             is_done = True
-            self.track.clear()
-            self._start.clear()
+        elif self.track.arc is None:
+            is_done = self._begin(frame, at) or self._block.travel >= LONGEST
+        elif self.followed < YOUNG and self._is_front():
+            is_done = self._begin_anew(frame, at)
         else:
             is_done = self._go_on(self.track.arc, frame, at)
         if is_done:
             self._block.clear()
             self._scans = []
 
+    def _is_taller(self) -> bool:
+        """Most of an unseen crop stands higher than it was taken to: it counts up to there now."""
+        echoes = np.concatenate([scan.height[scan.stands] for scan in self._scans])
+        echoes = echoes[echoes > TALL * self.height]
+        if len(echoes) < MANY or np.median(echoes) < HEADROOM * self.height:
+            return False
+        top = float(np.percentile(echoes, 90.0))
+        is_taller, self.height = top > self.height, max(top, self.height)
+        return is_taller
+
     def _begin(self, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
-        """Look for two populations anywhere near the header end, in all that was seen so far."""
-        self._start.add(self._block, frame, at)
-        begun = self._start.edge(self._search.spread)
-        if begun is None or self._is_another(frame, begun.place, at):
-            return True
-        seen = self._start.seen.sides(begun.place)
-        top = taller(seen, self.height)
-        if top > 0.0:  # and counts up to there now
-            self.height = top
-            self._start.clear()
-            return True
+        """Look for two populations anywhere near the header end."""
+        place, gain, crop, stubble = split(self._block, 0.0, self._search.spread)
+        is_edge = gain > BEGIN_GAIN and overlap_of(crop, stubble) < MOST_ALIKE
+        if not (is_edge and crop_excess(crop, stubble) > MORE_CROP):
+            return False
+        if self._is_another(frame, place, at):
+            return False
         self._lost = None
-        self.populations.begin(seen)
+        self.populations.begin(self._block.sides(place))
         self.height = self._crop_height()
-        x, u = frame.x + self._middle, frame.u + begun.place
+        c, s = float(np.cos(frame.angle)), float(np.sin(frame.angle))
+        along = self._block.along
+        x, u = frame.x + c * along - s * place, frame.u + s * along + c * place
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
         self.points.clear()
         self._walls.clear()
         self.followed, self.bite, self._bends = 0, 0.0, float("-inf")
-        self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2] + begun.angle, 0.0))
+        self.track.begin(Arc(at[0] + c * x - s * u, at[1] + s * x + c * u, at[2] + frame.angle, 0.0))
         return True
 
-    def _still_begins(self, found: Found, frame: EdgeFrame, at: tuple[float, float, float]) -> Found:
-        """Where a block says little by what was learned: what all since before the begin say together."""
-        self._start.add(self._block, frame, at)
-        if found.gain >= LEAST_GAIN and found.lead < LEAD:
-            return found
-        begun = self._start.edge(GATE)
-        if begun is None or abs(begun.place) > GATE:
-            return found
-        self.populations.begin(self._start.seen.sides(begun.place))
-        return replace(
-            found, beside=begun.place, variance=begun.variance, gain=begun.gain, lead=0.0, best=begun.place
-        )
+    def _begin_anew(self, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
+        """What the edge began with was none, or another."""
+        self.track.clear()
+        self._begin(frame, at)
+        return True
 
     def _is_front(self) -> bool:
         """The crop rises from block to block: what is seen is its front, from a headland before it."""
@@ -195,14 +197,11 @@ class BlockTrack(KeepsState):
         if wide is not None:
             found, self.bite = wide, -wide.beside
         is_near = found.lead < LEAD
-        if self.followed < YOUNG:
-            found = self._still_begins(found, frame, at)
-            is_near = found.lead < LEAD
-        elif found.gain < LEAST_GAIN and is_near and block.travel < LONGEST:
+        if self.followed < YOUNG and not (is_near and found.gain >= LEAST_GAIN) and self._begin(frame, at):
+            return True
+        if found.gain < LEAST_GAIN and is_near and block.travel < LONGEST:
             return False
         self.followed += 1
-        if self.followed == YOUNG:
-            self._start.clear()
         self.populations.move(block.travel)
         angle, wall = arc.angle - heading, wall_of(self._scans, found.beside, block.alike)
         along = place_along(wall, self._middle, angle)
@@ -348,7 +347,6 @@ class BlockTrack(KeepsState):
         if arc is not None and arc.unseen > self._search.forget + beside:
             self._lost = arc, 0.0
             self.track.clear()
-            self._start.clear()
 
     def _follow_inner(self, found: Found, *, is_inside: bool) -> None:
         """Another edge goes on beside a line that broke off: the line is held until that must be the edge."""

@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, PLACES
+from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYERS, NOTHING, PLACES
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.profile import Clears
 from swath.core.portable import exp, log, product
@@ -17,9 +17,13 @@ from swath.signals import F64
 EDGES = -HALF + CELL * np.arange(PLACES + 1)
 WINDOW = 2.5  # m to either side of the expected edge whose rays count for a known edge
 ALIKE = 0.24  # m of travel from one look at the stand to another that is independent of it
+NONE = 1e-12  # in the place of no counts
 FINEST = 0.015  # m, standard deviation that no block falls below
+FEWEST = 30.0  # rays to either side of an edge
 ABOUT = 10  # places of CELL to either side over which the dust of one is taken, own choice
 CLEAR = 0.35  # m beside the edge from which on a ray belongs to one side
+# layers that count as one while nothing is known: the stubble, whose plane is not known well, then pairs
+_MERGED = np.array([0, *range(8, LAYERS, 2), DUST, NOTHING])
 _WITHIN = slice(round((HALF - WINDOW) / CELL), round((HALF + WINDOW) / CELL) + 1)
 
 
@@ -45,11 +49,6 @@ class Block(Clears):
         np.add.at(self.solid.reshape(-1), rays.cells[rays.solid], 1.0)
         self._along += rays.along
         self._rays += rays.close
-
-    def join(self, other: "Block", kept: float) -> None:
-        """The rays of another block, with what is kept of its own, 0..1."""
-        for name in ("counts", "solid", "travel", "_along", "_rays", "_scans"):
-            setattr(self, name, kept * getattr(self, name) + getattr(other, name))
 
     @property
     def along(self) -> float:
@@ -151,6 +150,33 @@ def _blank(counts: F64, edge: float) -> float:
     first = float(EDGES[filled[above]]) if above < len(filled) else HALF
     last = float(EDGES[filled[above - 1]]) + CELL if above else -HALF
     return max(first - last, 0.0)
+
+
+def split(block: Block, expected: float, spread: float) -> tuple[float, float, F64, F64]:
+    """Where two unknown populations part best: (place [m], gain [nat], crop's counts, stubble's counts).
+
+    Every place is tried as the edge, each side with its own shares of the classes; the gain is that of two
+    populations over one, less what chance gives, and a normal prior of `spread` [m] about `expected` [m].
+    """
+    coarse = np.add.reduceat(block.counts.reshape(PLACES // 4, 4, CLASSES).sum(axis=1), _MERGED, axis=1)
+    below = np.cumsum(coarse, axis=0)[:-1]
+    total = coarse.sum(axis=0)
+    above = total - below
+    gain = (_entropy(below) + _entropy(above) - _entropy(total[None])) / block.alike
+    gain -= np.count_nonzero(total)
+    place = EDGES[4:-1:4]
+    rays = below.sum(axis=1), above.sum(axis=1)
+    gain[(rays[0] < FEWEST) | (rays[1] < FEWEST)] = -np.inf
+    weighed = gain - 0.5 * ((place - expected) / spread) ** 2
+    best = float(place[int(np.argmax(weighed))])
+    first = round((best + HALF) / CELL)
+    return best, float(weighed.max()), block.counts[first:].sum(axis=0), block.counts[:first].sum(axis=0)
+
+
+def _entropy(counts: F64) -> F64:
+    """Log-likelihood [nat] of rows of counts under their own shares."""
+    total = counts.sum(axis=1, keepdims=True)
+    return np.asarray((counts * log(np.maximum(counts, NONE) / np.maximum(total, NONE))).sum(axis=1))
 
 
 def _between(counts: F64, low: float, high: float) -> F64:

@@ -2,8 +2,7 @@
 
 NEAR, FAR = 1.0, 25.0  # m: nearer echoes are dust or chaff at the scanner
 LAYER, LOWEST, LAYERS = 0.06, -0.3, 46  # m, m, number: the layers of height that make the classes
-# three more: an echo above the crop, none at all, and one of the air at the scanner: nothing behind answered
-DUST, NOTHING, AIR, CLASSES = LAYERS, LAYERS + 1, LAYERS + 2, LAYERS + 3
+DUST, NOTHING, CLASSES = LAYERS, LAYERS + 1, LAYERS + 2  # two more: above the crop or near, no echo at all
 HEADROOM, ROOM = 1.25, 0.3  # [1], [m]: an echo this much above the crop's height is no crop
 LIMIT = 0.3  # of the crop's height: a ray below it has gone on
 INWARD = 0.03  # m at most, of its way that a ray going into the crop counts before its end

@@ -9,8 +9,9 @@ wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
 ZERO, HALF, ONE = (wp.constant(real(n)) for n in (0.0, 0.5, 1.0))
 NAN = wp.constant(real(float("nan")))
-FAR, STEEPEST, REPEATS, LAYER, LOWEST, HEADROOM, HEAD = (
-    wp.constant(real(n)) for n in (k.FAR, k.STEEPEST, k.REPEATS, k.LAYER, k.LOWEST, k.HEADROOM, k.ROOM)
+FAR, NEAR, STEEPEST, REPEATS, LAYER, LOWEST, HEADROOM, HEAD = (
+    wp.constant(real(n))
+    for n in (k.FAR, k.NEAR, k.STEEPEST, k.REPEATS, k.LAYER, k.LOWEST, k.HEADROOM, k.ROOM)
 )
 LIMIT, INWARD, OUTWARD, OUTWARD_SHARE = (
     wp.constant(real(n)) for n in (k.LIMIT, k.INWARD, k.OUTWARD, k.OUTWARD_SHARE)
@@ -21,8 +22,8 @@ GROUND_REACH, GROUND_NEAR, GROUND_MOST, GROUND_LEAST, GROUND_SPREAD = (
 )
 CELL, HALF_WIDTH = wp.constant(real(k.CELL)), wp.constant(real(k.HALF))
 LEAST_FALL = wp.constant(real(-1e-3))
-LAYERS, DUST, NOTHING, AIR, CLASSES, PLACES = (
-    wp.constant(n) for n in (k.LAYERS, k.DUST, k.NOTHING, k.AIR, k.CLASSES, k.PLACES)
+LAYERS, DUST, NOTHING, CLASSES, PLACES = (
+    wp.constant(n) for n in (k.LAYERS, k.DUST, k.NOTHING, k.CLASSES, k.PLACES)
 )
 FALLING, BESIDES, CLOSE = (wp.constant(n) for n in range(3))  # of the counts that `trace` gives
 COUNTED, MIDDLE = wp.constant(0), wp.constant(1)  # of those that `answer` gives
@@ -234,9 +235,7 @@ def answer(
         if r == r:
             p = start + aim * r
             height = above_stubble(way, crop, p)
-            if r < GROUND_NEAR:
-                kind = AIR
-            elif height > HEADROOM * crop.height + HEAD:
+            if r < NEAR or height > HEADROOM * crop.height + HEAD:
                 kind = DUST
             else:
                 kind = int(wp.clamp((height - LOWEST) / LAYER, ZERO, real(LAYERS - 1)))

@@ -9,17 +9,7 @@ Nothing is assumed about crop, stubble, density or dust: where puffs swallow the
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.control.edge.canopy_classes import (
-    AIR,
-    CLASSES,
-    DUST,
-    HEADROOM,
-    LAYER,
-    LAYERS,
-    LOWEST,
-    NOTHING,
-    ROOM,
-)
+from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LAYERS, LOWEST, NOTHING
 from swath.control.edge.profile import Clears
 from swath.core.portable import exp, log
 from swath.signals import F64
@@ -28,6 +18,7 @@ MEMORY, SHORT = 15.0, 2.0  # m of travel after which counts are worth 1/e; the s
 FRESH, STRANGE = 0.25, 0.15  # share of the short memory, and of anything above the stubble, in the crop
 STRAY = 0.03  # share of answers beside the crop that are something else: weeds, straw
 MOST = 3.0  # nat that one ray is worth at most
+CROP_FROM, CROP_TO = 0.18, (1.15, 2.5)  # m above the stubble: heights of crop that was not seen yet
 STUBBLE_TO, LITTLE = 0.8, 0.12  # m; part of the fullest layer's echoes below which a population ends
 MAT, FEW = 0.08, 10.0  # m above the middle of the stubble: of crop that lies flat; echoes that show it
 COMES_AGAIN = 0.1  # share of the echoes of a layer: fewer that come again are dust
@@ -118,9 +109,9 @@ class Populations(Clears):
         if self._told is None:
             crop, stubble = self._standing(0), self._standing(1)
             first = self._first_layer()
-            answered = float(self.counts[0].sum() - self.counts[0, [DUST, AIR]].sum())
+            answered = float(self.counts[0].sum() - self.counts[0, DUST])
             sides = self.counts[[0, 1, 4]]
-            lost = sides[:, DUST] + sides[:, AIR] + [1.0, 0.0, 1.0] * sides[:, NOTHING]
+            lost = sides[:, DUST] + [1.0, 0.0, 1.0] * sides[:, NOTHING]
             dust = lost / np.maximum(sides.sum(axis=1), NONE)
             self._told = (
                 canopy_height(crop, first),
@@ -177,20 +168,25 @@ def _end_of_peak(layers: F64) -> int:
     return peak + first if is_sparse[first] else len(layers)
 
 
-def taller(sides: F64, height: float) -> float:
-    """How high the crop stands [m] where most of it stands higher than a height it was taken to [m], else 0.
+def overlap_of(first: F64, second: F64) -> float:
+    """Bhattacharyya coefficient of two rows of counts."""
+    a, b = _shares(np.stack([first, second]))
+    return float(np.sqrt(a * b).sum())
 
-    sides: as `Block.sides` has them. What crop adds to the standing echoes of the stubble side counts: puffs
-    hang on both sides.
+
+def crop_excess(crop: F64, stubble: F64) -> float:
+    """By how much the share of rays that crop may have stopped is higher in the crop than beside it.
+
+    Low echoes alone, or all: above the first limit there may be puffs of dust, on the stubble side alone.
     """
-    rays = np.maximum(sides[:2].sum(axis=1, keepdims=True), NONE)
-    crop, stubble = sides[2:, : DUST + 1] / rays
-    above = np.cumsum((crop - stubble)[::-1])[::-1]  # in each layer or higher
-    most = float(above.max())
-    if above[min(round((HEADROOM * height - LOWEST) / LAYER), DUST)] <= 0.5 * most:
-        return 0.0
-    layer = int(np.flatnonzero(above >= (1.0 - TOP) * most)[-1])
-    return min(LOWEST + LAYER * (layer + 1), HEADROOM * height + ROOM)
+    excess = []
+    for top in CROP_TO:
+        is_crop = (_HEIGHT > CROP_FROM) & (top > _HEIGHT)
+        shares = [
+            float(side[:LAYERS][is_crop].sum()) / max(float(side.sum()), NONE) for side in (crop, stubble)
+        ]
+        excess.append(shares[0] - shares[1])
+    return max(excess)
 
 
 def _shares(counts: F64) -> F64:
