@@ -51,7 +51,8 @@ def unused(world: World) -> list[str]:
     why |= dict.fromkeys(_needless(world), "nothing that it reads runs before it in a tick")
     notes = [f"no part of this run uses {key}: {said}" for key, said in why.items()]
     due = {n.slot.name: n.slot.offset or n.slot.period for n in world.graph.nodes if not n.step_count}
-    return [*notes, *(f"{name}: it is first due at {num(at / NS)} {over}" for name, at in due.items())]
+    late = {name: at for name, at in due.items() if at >= world.graph.t}  # a branch steps none again
+    return [*notes, *(f"{name}: it is first due at {num(at / NS)} {over}" for name, at in late.items())]
 
 
 def _needless(world: World) -> Iterator[str]:

@@ -107,7 +107,7 @@ class LikelihoodRatio(KeepsState):
         usual = params.upright_m or setup.crop_height, params.height_percent, params.lean_deg
         self._overhang = overhang or HeightOverhang(*usual, float(setup.mounting.position[2]))
         self._cut, self._width = CutWidth(params.cut_sd_m), setup.machine.header_width
-        self._behind = knife_x - 0.5 * OVER_M
+        self._knife = knife_x
         self._centre = self._sign * end_y
         self._reference = knife_x + params.reference_m
         self._blocks = BlockTrack(
@@ -277,14 +277,14 @@ class LikelihoodRatio(KeepsState):
             heading_sd=line.angle_sd,
             seen_to=self._reference + (line.seen_to + 0.5 * BLOCK) * steep,
             is_held=line.gap > 1.0,
-            other_offset=sign * (canopy + (shift + other.mean) / steep) if other.chance > 0.0 else nan,
+            other_offset=sign * (canopy + (shift + other.place) / steep) if other.chance > 0.0 else nan,
             other_chance=other.chance,
         )
 
     def _hear(self, line: NearLine, shift: float, steep: float) -> None:
         """What the header cut over the last way driven, beside where the canopy's edge lies there."""
         edge, blocks = line.frame, self._blocks
-        beyond = self._behind - edge.x
+        beyond = self._knife - edge.x
         knife = self._way_of(line) + beyond
         if self._missing < HOLES_M and blocks.points.shows(knife, BETWEEN, OVER_M):
             canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep

@@ -12,7 +12,7 @@ miss more, tramlines and holes, never less.
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import acos, erf, exp, hypot, isnan, pi, sqrt
+from math import acos, cos, erf, exp, hypot, isnan, pi, sin, sqrt
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -42,18 +42,18 @@ PLACES = PLACE * np.arange(-20.0, 80.0)
 _OUTSIDE = PLACES > TOLERANCE
 _NORMAL = np.arange(-2.5, 2.6, 0.25)  # deviations that stand for a normal
 _OF_NORMAL = portable.exp(-0.5 * _NORMAL**2) / float(portable.exp(-0.5 * _NORMAL**2).sum())
-_TALL = np.cos(_LEANS)
+_TALL = np.array([cos(lean) for lean in _LEANS.tolist()])
 # tangents of the lean out over the edge, in half a turn of directions
-_OUT = np.tan(_LEANS)[:, None] * np.sin(_DIRECTIONS)
+_OUT = portable.tan(_LEANS)[:, None] * np.array([sin(turn) for turn in _DIRECTIONS.tolist()])
 _HANGS = WALL * np.maximum(_OUT, -STEEPER)  # of the feet behind the edge of the tops, of their height
 _NO_RAMP = 1.0 - np.clip((-_OUT - STEEP) / (STEEPER - STEEP), 0.0, 1.0)  # chance that a lean in shows none
 
 
 class Mode(NamedTuple):
-    """How far the feet stand behind the edge of the tops, mean and deviation [m], with what chance."""
+    """How far the feet stand behind the edge of the tops, and its deviation [m], with what chance."""
 
     chance: float = 1.0
-    mean: float = 0.0
+    place: float = 0.0
     sd: float = 0.0
 
 
@@ -85,8 +85,8 @@ class Hang:
 
     @property
     def told(self) -> float:
-        """Mean of the likelier mode [m]."""
-        return self.modes[1].mean
+        """Median of the likelier mode [m]."""
+        return self.modes[1].place
 
     @property
     def sd(self) -> float:
@@ -95,9 +95,9 @@ class Hang:
 
     def within(self, known: float) -> float:
         """Chance of feet within TOLERANCE of where they are told, all else known to `known` [m]."""
-        mean, scale, total = self.told, 1.0 / (sqrt(2.0) * known), 0.0
+        told, scale, total = self.told, 1.0 / (sqrt(2.0) * known), 0.0
         for k in np.flatnonzero(self.chance > NEVER).tolist():
-            away = float(PLACES[k]) - mean
+            away = float(PLACES[k]) - told
             both = erf((TOLERANCE - away) * scale) + erf((TOLERANCE + away) * scale)
             total += 0.5 * float(self.chance[k]) * both
         return total
@@ -180,7 +180,7 @@ class HeightOverhang:
             return Hang.normal(Mode(rest, 0.0, self._upright / 3.0), ramp)
         chance = self._chance(crop, crop_sd, stopped) * _NO_RAMP
         tops = min(crop, self._upright * (1.0 + self._sd))  # higher: it is no crop of that height
-        hangs = np.concatenate([(tops * _HANGS).ravel(), ramp.mean + ramp.sd * _NORMAL])
+        hangs = np.concatenate([(tops * _HANGS).ravel(), ramp.place + ramp.sd * _NORMAL])
         rest /= float(chance.sum())
         chance = np.concatenate([rest * chance.ravel(), ramp.chance * _OF_NORMAL])
         return Hang.of(hangs, chance * cut.likelihood(hangs))
@@ -201,9 +201,10 @@ def density(stopped: float) -> float:
 
 
 def _mode(chance: F64, hangs: F64) -> Mode:
+    """At its median."""
     total = max(float(chance.sum()), 1e-12)
-    mean = float((chance * hangs).sum()) / total
-    return Mode(total, mean, sqrt(float((chance * (hangs - mean) ** 2).sum()) / total))
+    place = float(np.interp(0.5 * total, np.cumsum(chance) - 0.5 * chance, hangs))
+    return Mode(total, place, sqrt(float((chance * (hangs - place) ** 2).sum()) / total))
 
 
 def _seen(stopped: float) -> tuple[float, float]:
