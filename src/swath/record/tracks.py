@@ -460,8 +460,11 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
             column_encoding=dict.fromkeys(busy, "BYTE_STREAM_SPLIT"),
         ) as writer,
     ):
-        for t, first, more in zip(tracks, firsts, pieces, strict=True):
-            for piece in chain([first] if first else [], more):
+        for t, more in zip(tracks, pieces, strict=True):
+            first = firsts.pop(0)
+            given = chain([first] if first else [], more)
+            del first  # not kept while the others are written
+            for piece in given:
                 count = len(piece["t_s"])
                 data = [_to_arrow(piece.get(name, np.full(count, NAN))) for name in columns]
                 names = _repeated(t.machine.name, count)
