@@ -12,7 +12,6 @@ from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -461,14 +460,14 @@ def write_tracks(path: Path, tracks: list[Tracks]) -> None:
         ) as writer,
     ):
         for t, more in zip(tracks, pieces, strict=True):
-            first = firsts.pop(0)
-            given = chain([first] if first else [], more)
-            del first  # not kept while the others are written
-            for piece in given:
+            piece = firsts.pop(0)  # not kept while the others are written
+            while piece:
                 count = len(piece["t_s"])
                 data = [_to_arrow(piece.get(name, np.full(count, NAN))) for name in columns]
                 names = _repeated(t.machine.name, count)
                 writer.write_table(pa.Table.from_arrays([names, *data], schema=schema))
+                del piece, data
+                piece = next(more, {})
     pa.default_memory_pool().release_unused()
 
 
