@@ -21,10 +21,8 @@ from swath.control.edge.profile import Clears
 from swath.core.portable import exp, log
 from swath.signals import F64
 
-CELL, ALIKE = (
-    1.0,
-    20.0,
-)  # m: of the way in a cell, over which slopes are alike; waves of 20 to 80 m, estimated
+# m: of the way in a cell, over which slopes are alike; waves of 20 to 80 m, estimated
+CELL, ALIKE = 1.0, 20.0
 SCALES = 0.003 * 4.0 ** np.arange(4)  # standard deviations of slopes [1] that are tried, estimated
 SEEN_SD, FELT_SD = 0.02, 0.006  # m, [1]: of the stubble's plane and the inclination in a cell, estimated
 STEEP = 0.2  # standard deviation of a field's mean slope and the inertial unit's error [1], estimated

@@ -238,12 +238,11 @@ class LikelihoodRatio(KeepsState):
     def _as_edge(self, now: int, line: NearLine) -> CropEdge:
         sign, edge = self._sign, line.frame
         steep = max(cos(edge.angle), LEAST_COS)
-        beyond = self._reference - edge.x
         crop, stubble, stopped = self._blocks.populations.heights()
         plane = self._profile.stubble
         crop, stubble = crop + plane, stubble + plane
         dust = self._blocks.populations.dust()
-        canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
+        canopy = _canopy(edge, self._reference, steep)
         feet = self._blocks.feet
         top = self._blocks.height
         shift, shift_sd, ramp = feet.shift(top, crop, stopped, line.spread, dust)
@@ -284,10 +283,9 @@ class LikelihoodRatio(KeepsState):
     def _hear(self, line: NearLine, shift: float, steep: float) -> None:
         """What the header cut over the last way driven, beside where the canopy's edge lies there."""
         edge, blocks = line.frame, self._blocks
-        beyond = self._knife - edge.x
-        knife = self._way_of(line) + beyond
+        knife = self._way_of(line) + (self._knife - edge.x)
         if self._missing < HOLES_M and blocks.points.shows(knife, BETWEEN, OVER_M):
-            canopy = edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
+            canopy = _canopy(edge, self._knife, steep)
             self._cut.add(self._missing, canopy + shift / steep - self._centre, self._since)
         self._since = 0.0
 
@@ -299,6 +297,12 @@ class LikelihoodRatio(KeepsState):
         """
         early = self._early * crop + 0.5 * BLOCK
         return self._blocks.points.shows(self._way_of(line), BETWEEN, early)
+
+
+def _canopy(edge: EdgeFrame, x: float, steep: float) -> float:
+    """Where the canopy's edge lies aside at a place ahead of the machine's origin [m]; steep: its cosine."""
+    beyond = x - edge.x
+    return edge.u + beyond * tan(edge.angle) + 0.5 * edge.bend * (beyond / steep) ** 2 / steep
 
 
 def _abreast(edge: EdgeFrame, reference: float) -> EdgeFrame:

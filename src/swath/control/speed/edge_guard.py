@@ -18,10 +18,11 @@ from swath.core.units import KMH
 from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.signals import CropEdge, GuidanceState, Odometry, SpeedCommand
 
+# of `bound_speeds`
 SEEN = (
-    *("offset", "confidence", "curvature", "seen_to", "reference_x", "offset_sd"),
-    *("other_offset", "other_chance"),
-)  # of `bound_speeds`
+    "offset", "confidence", "curvature", "seen_to", "reference_x", "offset_sd", "other_offset",
+    "other_chance",
+)  # fmt: skip
 
 
 class EdgeGuards(Compiled):
