@@ -31,7 +31,7 @@ def saturation(temperature: float) -> float:
 
 def black_body(wave: Array, temperature: Array | float) -> Array:
     """Exitance of a black body [W/m3] at wavelengths [m] and temperatures [K], by Planck's law."""
-    return np.asarray(FIRST / wave**5 / (portable.exp(SECOND / (wave * temperature)) - 1.0))
+    return np.asarray(FIRST / portable.power(wave, 5.0) / (portable.exp(SECOND / (wave * temperature)) - 1.0))
 
 
 def sky_radiation(air: Air) -> float:

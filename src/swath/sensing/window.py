@@ -144,7 +144,7 @@ class Window(KeepsState):
             self.drops *= exp(-dt / p.drop_stay_s)
             if air.rain > 0.0:
                 new = stream.at(t).poisson(self._per_mm * air.rain * dt / HOUR, self._count)
-                self.drops = 1.0 - (1.0 - self.drops) * (1.0 - self._drop) ** new
+                self.drops = 1.0 - (1.0 - self.drops) * portable.power(1.0 - self._drop, new)
         if any(self._t < wiped * NS <= t for wiped in p.wiped_s):
             self.mass[:] = self.drops[:] = 0.0
         self._t = t

@@ -18,12 +18,14 @@ import numpy as np
 
 from swath.control.edge.canopy_classes import FAR
 from swath.control.edge.profile import Clears
-from swath.core.portable import exp, log
+from swath.core.portable import exp, log, power
 from swath.signals import F64
 
 # m: of the way in a cell, over which slopes are alike; waves of 20 to 80 m, estimated
 CELL, ALIKE = 1.0, 20.0
-SCALES = 0.003 * 4.0 ** np.arange(4)  # standard deviations of slopes [1] that are tried, estimated
+SCALES = 0.003 * np.array(
+    [1.0, 4.0, 16.0, 64.0]
+)  # standard deviations of slopes [1] that are tried, estimated
 SEEN_SD, FELT_SD = 0.02, 0.006  # m, [1]: of the stubble's plane and the inclination in a cell, estimated
 STEEP = 0.2  # standard deviation of a field's mean slope and the inertial unit's error [1], estimated
 CHANGES = 0.003  # m, [1]: of the stubble and the mean slopes, from cell to cell, estimated
@@ -56,7 +58,7 @@ class GroundProfile(Clears):
     def clear(self) -> None:
         """Nothing seen: any ground may come."""
         apart = np.abs(np.subtract.outer(np.arange(self._cells), np.arange(self._cells)))
-        alike = _KEEPS**apart * (1.0 + apart * (1.0 - _KEEPS**2) / (1.0 + _KEEPS**2))
+        alike = power(_KEEPS, apart) * (1.0 + apart * (1.0 - _KEEPS**2) / (1.0 + _KEEPS**2))
         size = FIRST + 2 * self._cells
         self._mean, self._covariance = np.zeros((len(SCALES), size)), np.zeros((len(SCALES), size, size))
         self._mean[:, STUBBLE] = self._usual[0]

@@ -62,7 +62,8 @@ def in_training(places: F64, cell: tuple[float, float, float]) -> F64:
     bins = 0.5 * np.array([k for k in range(-reach, reach + 1) if abs(k) > GUARD])
     along = (window(apart[:, :, :1] - bins) ** 2).sum(axis=2) / TRAINING
     beside = window(apart[:, :, 1]) ** 2 * window(apart[:, :, 2]) ** 2
-    slope = (places[None, :, 0] / places[:, None, 0]) ** 4  # the detector levels the echo of flat ground
+    ratio = (places[None, :, 0] / places[:, None, 0]) ** 2
+    slope = ratio * ratio  # the detector levels the echo of flat ground
     return np.asarray(along * beside * slope * (1.0 - np.eye(len(places))))
 
 
