@@ -89,8 +89,7 @@ class LikelihoodRatio(KeepsState):
     """Scan, odometry and, where there is one, an inertial unit in; crop edge out."""
 
     kept = (
-        *("_cut", "_missing", "_since", "_time", "_at", "_blocks", "_ground", "_profile", "_rays"),
-        *("_inclination", "_yaw_rate"),
+        *("_cut", "_time", "_at", "_blocks", "_ground", "_profile", "_rays", "_inclination", "_yaw_rate"),
     )
     inputs = (
         Port("scan", Scan, unit="m", shape=(None,)),
@@ -133,7 +132,6 @@ class LikelihoodRatio(KeepsState):
         self._time = 0
         self._at = (0.0, 0.0, 0.0)  # x, u [m] and heading [rad] in the frame at rest
         self._cut.clear()
-        self._missing, self._since = float("nan"), 0.0  # of the header's width [m]; driven since it was used
         self._blocks.clear()
         self._ground.clear()
         self._profile.clear()
@@ -156,11 +154,10 @@ class LikelihoodRatio(KeepsState):
         yaw_rate = self._sign * finite(self._yaw_rate.of(odometry, inertial, dt / NS))
         self._inclination.take(inertial, speed)
         flow = inputs.get("flow")
-        self._missing = self._width * (1.0 - flow.header_fill) if flow is not None else float("nan")
-        self._since += abs(speed) * dt / NS
+        missing = self._width * (1.0 - flow.header_fill) if flow is not None else nan
         if scan is not None and scan.t > self._time:
             self._take(scan, speed, yaw_rate)
-        return {"edge": self._report(t + dt, speed, yaw_rate)}
+        return {"edge": self._report(t + dt, speed, yaw_rate, (missing, abs(speed) * dt / NS))}
 
     def _moved(self, speed: float, yaw_rate: float, seconds: float) -> tuple[float, float, float]:
         """Where the machine stands some seconds after `_at`: along its heading, and aside by crab."""
@@ -203,7 +200,8 @@ class LikelihoodRatio(KeepsState):
         self._profile.take(travel, (x, frame.u + beside, level, ground.slope), felt)
         return self._profile.grade(x - self._flat * self._blocks.height, x)
 
-    def _report(self, now: int, speed: float, yaw_rate: float) -> CropEdge:
+    def _report(self, now: int, speed: float, yaw_rate: float, cut: tuple[float, float]) -> CropEdge:
+        """The edge now. cut: how much of the header's width cut nothing, over a travel [m]."""
         age = (now - self._time) / NS
         if self._blocks.track.arc is None or age > LATE:
             return no_edge(now, self._reference)
@@ -211,7 +209,7 @@ class LikelihoodRatio(KeepsState):
         line = self._near(self._moved(speed, yaw_rate, age)) if has_begun else None
         if line is None or (line.gap > self._p.hold_m and not self._lies_ahead(line)):
             return no_edge(now, self._reference)
-        edge = self._as_edge(now, line)
+        edge = self._as_edge(now, line, cut)
         fresh = min((LATE - age) / (LATE - OLD), 1.0)
         return edge if fresh >= 1.0 else replace(edge, confidence=max(fresh * edge.confidence, LEAST_SURE))
 
@@ -235,7 +233,7 @@ class LikelihoodRatio(KeepsState):
         """Along the edge, of the reported place [m]."""
         return float(self._blocks.points.rows[-1, DISTANCE]) - line.seen_to
 
-    def _as_edge(self, now: int, line: NearLine) -> CropEdge:
+    def _as_edge(self, now: int, line: NearLine, cut: tuple[float, float]) -> CropEdge:
         sign, edge = self._sign, line.frame
         steep = max(cos(edge.angle), LEAST_COS)
         crop, stubble, stopped = self._blocks.populations.heights()
@@ -248,7 +246,7 @@ class LikelihoodRatio(KeepsState):
         shift, shift_sd, ramp = feet.shift(top, crop, stopped, line.spread, dust)
         rows = feet.rows(shift)[0]  # of plants, which stand out by themselves
         dense = max(stopped, rows)  # where its plants are
-        self._hear(line, shift, steep)
+        self._hear(line, shift, steep, cut)
         hang = self._overhang.of(crop, self._profile.stubble_sd, dense, ramp, self._cut)
         is_smooth = self._blocks.bite > 0.0
         even = max(EVEN * top, ROWS * rows * feet.spacing)
@@ -280,14 +278,14 @@ class LikelihoodRatio(KeepsState):
             other_chance=other.chance,
         )
 
-    def _hear(self, line: NearLine, shift: float, steep: float) -> None:
+    def _hear(self, line: NearLine, shift: float, steep: float, cut: tuple[float, float]) -> None:
         """What the header cut over the last way driven, beside where the canopy's edge lies there."""
+        missing, travel = cut
         edge, blocks = line.frame, self._blocks
         knife = self._way_of(line) + (self._knife - edge.x)
-        if self._missing < HOLES_M and blocks.points.shows(knife, BETWEEN, OVER_M):
+        if missing < HOLES_M and blocks.points.shows(knife, BETWEEN, OVER_M):
             canopy = _canopy(edge, self._knife, steep)
-            self._cut.add(self._missing, canopy + shift / steep - self._centre, self._since)
-        self._since = 0.0
+            self._cut.add(missing, canopy + shift / steep - self._centre, travel)
 
     def _shows(self, line: NearLine, crop: float) -> bool:
         """Standing crop was seen at the reported place.
