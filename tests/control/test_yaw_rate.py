@@ -1,6 +1,6 @@
 """The bias of a gyroscope, told from steering angle and inertial unit."""
 
-from math import atan, nan
+from math import atan, fsum, nan
 
 import numpy as np
 import pytest
@@ -49,16 +49,26 @@ def test_a_machine_at_rest_does_not_turn():
     assert abs(left_over(0.3, has_unit=False)) > 0.1  # one sensor against one, on the way
 
 
-def test_the_compiled_step_is_that_in_python_to_the_last_bit():
-    rng = np.random.default_rng(8)
+@pytest.mark.parametrize("count", [1, 4, 90])
+def test_samples_of_a_step_count_by_their_mean(count):
+    """However many there are; one in which a number is missing does not count."""
+    rng = np.random.default_rng(count)
     mounting = Pose.from_euler((1.0, 0.0, 2.0), 0.2, -0.1, 1.5)
-    compiled, python = YawRate(BASE, mounting), YawRate(BASE, mounting)
-    python._memory.put = lambda samples: False
-    for call in range(600):
-        felt = [Inertial(0, *rng.normal(0.0, 0.1, 3), 0.0, 0.0, 9.81) for _ in range(call % 5)]
-        felt += [Inertial(0, nan, 0.0, 0.0, 0.0, 0.0, 9.81)] if call % 7 == 0 else []
+    each, mean = YawRate(BASE, mounting), YawRate(BASE, mounting)
+    up = mounting.rotation[2].tolist()
+    for call in range(60):
+        rows = rng.normal(0.0, 0.1, (count, 3))
+        turns = [fsum(a * b for a, b in zip(up, row, strict=True)) for row in rows.tolist()]
+        felt = [Inertial(0, *row, 0.0, 0.0, 9.81) for row in rows.tolist()]
+        turn = fsum(turns) / count
+        broken = [Inertial(0, nan, 0.0, 0.0, 0.0, 0.0, 9.81)]
         steer = nan if call % 11 == 0 else float(rng.normal(0.0, 0.2))
         odometry = Odometry(0, float(rng.normal(2.0, 0.5)), float(rng.normal(0.0, 0.05)), steer)
-        given = odometry, (felt if call % 13 else None), DT
-        assert compiled.of(*given) == python.of(*given)
-        assert compiled.save() == python.save()
+        alone = Inertial(0, *(turn * v for v in up), 0.0, 0.0, 9.81)
+        assert each.of(odometry, felt + broken, DT) == pytest.approx(
+            mean.of(odometry, [alone], DT), abs=1e-15
+        )
+    for name in ("angle", "unit"):
+        values = each.save()[name]["values"]
+        assert any(values)
+        assert values == pytest.approx(mean.save()[name]["values"], abs=1e-14)

@@ -1,5 +1,4 @@
-// A step of `Inclination` over samples: the body of a native function, after exact.cpp. The same operations in the same order as
-// in Python.
+// A step of `Inclination` over samples: the body of a native function, after exact.cpp.
 //
 // In and out: m, see inclination.py, whose offsets these are.
 
@@ -7,7 +6,9 @@ typedef double D;
 D *m = (D*)memory.data, *up = m + 2, *bias = m + 5, *known = m + 8, *last = m + 9, *speed_before = m + 10, *since = m + 20;
 const D *turn = m + 11, *samples = m + 21, speed = m[1];
 const int rows = (int)m[0];
-constexpr D NS = 1e9, SETTLE_S = 3.0, LEAST_S = 1e-6, BIAS_S = 30.0, LEAST_FORCE = 1.0;
+constexpr D NS = 1e9, LEAST_S = 1e-6;  // s: samples of one moment
+constexpr D SETTLE_S = 3.0, BIAS_S = 30.0;  // s: time constants of the pull of gravity, of the gyroscopes' bias
+constexpr D LEAST_FORCE = 1.0;  // m/s2: a smaller specific force has no direction
 
 ExactSum sums[6];
 int count = 0;

@@ -8,7 +8,6 @@ the pull is that of a mean over all samples so far: the first of them may say an
 """
 
 from collections.abc import Sequence
-from math import fsum, hypot, isfinite
 from struct import Struct
 
 import numpy as np
@@ -16,16 +15,11 @@ import numpy as np
 from swath.control.inertial_memory import InertialMemory, Number, Numbers
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
-from swath.core.schedule import NS
 from swath.signals import F64, Inertial
 
-SETTLE_S = 3.0  # time constant of the pull of gravity [s]
 SURE_S = 1.0  # s of samples, over which their noise has become small beside a slope, estimated
-LEAST_S = 1e-6  # samples of one moment
-BIAS_S = 30.0  # the same of the gyroscopes' bias [s]
 CRAB = 0.27  # side slip per side force in g: about 1 / the tyres' cornering stiffness over load
 GRAVITY = 9.81  # m/s2
-LEAST_FORCE = 1.0  # m/s2: a smaller specific force has no direction
 # Numbers of the shared memory: samples and speed of the step; direction upward, bias of the gyroscopes,
 # whether samples came in, time and speed then; rotation of the unit; for how long samples have come in.
 STEP, UPWARD = Struct("2d"), Struct("3d")
@@ -62,59 +56,8 @@ class Inclination(KeepsState):
         """Samples since the last call, oldest first, and the measured speed [m/s]. None: there is no unit."""
         if not samples:
             return
-        if self._memory.put(samples):
-            STEP.pack_into(self._memory.bytes, 0, len(samples), speed)
-            self._memory.step()
-        else:
-            self.take_in_python(samples, speed)
-
-    def take_in_python(self, samples: Sequence[Inertial], speed: float) -> None:
-        """The same, bit for bit, and for any number of samples."""
-        good, t = [], 0
-        for s in samples:
-            p, q, r, x, y, z = s.rate_x, s.rate_y, s.rate_z, s.force_x, s.force_y, s.force_z
-            if isfinite(p + q + r + x + y + z):
-                good.append((p, q, r, x, y, z))
-                t = s.t
-        if not good:
-            return
-        count = len(good)
-        p, q, r, x, y, z = [fsum(column) / count for column in zip(*good, strict=True)]
-        (p, q, r), (x, y, z), (bias_p, bias_q, bias_r) = (
-            self._in_machine(p, q, r),
-            self._in_machine(x, y, z),
-            self._bias,
-        )
-        seconds = min(max((t - self._t) / NS, 0.0), 1.0)
-        forward = (speed - self._speed) / seconds if self.is_known and seconds > 0.0 else 0.0
-        p, q, r = p - bias_p, q - bias_q, r - bias_r
-        x, y, z = x - forward, y - speed * r, z + speed * q
-        size = hypot(x, y, z)
-        self._t, self._speed = t, speed
-        if size < LEAST_FORCE:
-            return
-        x, y, z = x / size, y / size, z / size
-        if not self.is_known:
-            self._up, self.is_known = [x, y, z], True
-            return
-        self._since += seconds
-        pull = min(1.0, seconds / max(min(SETTLE_S, self._since + seconds), LEAST_S))
-        a, b, c = self._up  # what the turn leaves of it, then what the force pulls it to
-        a, b, c = a - seconds * (q * c - r * b), b - seconds * (r * a - p * c), c - seconds * (p * b - q * a)
-        push = min(1.0, seconds / SETTLE_S) / BIAS_S
-        self._bias = [
-            bias_p + push * (b * z - c * y),
-            bias_q + push * (c * x - a * z),
-            bias_r + push * (a * y - b * x),
-        ]
-        a, b, c = a + pull * (x - a), b + pull * (y - b), c + pull * (z - c)
-        size = hypot(a, b, c)
-        self._up = [a / size, b / size, c / size]
-
-    def _in_machine(self, x: float, y: float, z: float) -> tuple[float, float, float]:
-        """A vector of the unit's frame in that of the machine."""
-        (a, b, c), (d, e, f), (g, h, i) = self._turn
-        return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+        STEP.pack_into(self._memory.bytes, 0, len(samples), speed)
+        self._memory.step(samples)
 
     @property
     def is_sure(self) -> bool:

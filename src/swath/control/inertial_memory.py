@@ -10,7 +10,7 @@ from swath.core.rows import Trail
 from swath.kernels import Repeated, launch_on, repeatable, shared
 from swath.signals import F64, Inertial
 
-SAMPLES, ROOM = 21, 32  # where samples begin; how many there may be
+SAMPLES, ROOM = 21, 32  # where samples begin; how many there mostly are, at most
 ROW = Struct("7d")
 T = TypeVar("T", int, float, bool)
 
@@ -64,24 +64,32 @@ class InertialMemory:
         self.bytes = self._all.data.cast("B")
         self._launch: Callable[[], Any] | None = None
 
-    def put(self, samples: Sequence[Inertial]) -> bool:
-        """Take samples over; False where they are too many."""
+    def step(self, samples: Sequence[Inertial]) -> None:
+        """The compiled step over samples."""
         if len(samples) > ROOM:
-            return False
-        at = 8 * SAMPLES
-        for s in samples:
-            turn, force = (s.rate_x, s.rate_y, s.rate_z), (s.force_x, s.force_y, s.force_z)
-            ROW.pack_into(self.bytes, at, s.t, *turn, *force)
-            at += ROW.size
-        return True
-
-    def step(self) -> None:
-        """The compiled step."""
+            more = np.zeros(SAMPLES + 7 * len(samples))
+            more[:SAMPLES] = self.numbers
+            _lay(samples, more.data.cast("B"))
+            self._on(more)()
+            self.numbers[:] = more[:SAMPLES]
+            return
+        _lay(samples, self.bytes)
         if self._launch is None:
-            from swath.control import inertial_kernel
-
-            self._launch = launch_on(getattr(inertial_kernel, self._kernel), self._all)
+            self._launch = self._on(self._all)
         self._launch()
+
+    def _on(self, memory: F64) -> Callable[[], Any]:
+        from swath.control import inertial_kernel
+
+        return launch_on(getattr(inertial_kernel, self._kernel), memory)
+
+
+def _lay(samples: Sequence[Inertial], into: memoryview) -> None:
+    at = 8 * SAMPLES
+    for s in samples:
+        turn, force = (s.rate_x, s.rate_y, s.rate_z), (s.force_x, s.force_y, s.force_z)
+        ROW.pack_into(into, at, s.t, *turn, *force)
+        at += ROW.size
 
 
 FIELDS = ("rate_x", "rate_y", "rate_z", "force_x", "force_y", "force_z")

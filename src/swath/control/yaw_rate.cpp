@@ -1,5 +1,4 @@
-// A step of `YawRate` over samples: the body of a native function, after exact.cpp. The same operations in the same order as in
-// Python.
+// A step of `YawRate` over samples: the body of a native function, after exact.cpp.
 //
 // In and out: m, see yaw_rate.py, whose offsets these are.
 
@@ -8,7 +7,9 @@ D *m = (D*)memory.data, *angle = m + 5, *unit = m + 8;  // of each: means, and t
 const D rate = m[1], speed = m[2], steer = m[3], seconds = m[4], wheelbase = m[10];
 const D *up = m + 11, *samples = m + 21;
 const int rows = (int)m[0];
-constexpr D ANGLE = 0.2 * (3.141592653589793 / 180.0), UNDERSTEER = 10.0 * 0.01, MEMORY_S = 20.0;
+constexpr D ANGLE = 0.2 * (3.141592653589793 / 180.0);  // rad: standard deviation of the steering angle's zero, as yaw_rate.py
+constexpr D UNDERSTEER = 10.0 * 0.01;  // of the yaw rate that the wheels are at
+constexpr D MEMORY_S = 20.0;  // s over which differences are averaged
 auto is_finite = [](D x) { return x - x == 0.0; };
 auto take = [&](D* mean, int count, const D* values) {
   D& held = mean[count];

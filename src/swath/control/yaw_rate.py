@@ -10,24 +10,23 @@ is conjugate: Gelman et al., Bayesian Data Analysis, 3rd ed., section 22.1).
 
 from collections.abc import Sequence
 from itertools import product
-from math import exp, fsum, hypot, isfinite, log, tan
+from math import exp, fsum, hypot, isfinite, log
 from struct import Struct
 
 from swath.control.inertial_memory import InertialMemory, Number, Numbers
 from swath.core.component import KeepsState
 from swath.core.frames import Pose
-from swath.core.units import DEG, PERCENT
+from swath.core.units import DEG
 from swath.signals import F64, Inertial, Odometry
 
 # sensor: standard deviation when sound, when faulty; estimates after the data sheets of the bundled ones
 GYRO = 0.03 * DEG, 0.5 * DEG  # rad/s, of the odometry
 UNIT = 0.1 * DEG, 0.5 * DEG  # rad/s, of the inertial unit
 ANGLE, FAULTY_ANGLE = 0.2 * DEG, 10.0 * DEG  # rad, of the zero of the steering angle
-UNDERSTEER = 10.0 * PERCENT  # of the yaw rate that the wheels are at
 LEAST = 0.003 * DEG  # rad/s: a machine at rest turns by no more, whatever its sensors say
 FAULTY = 0.05  # chance of each sensor
 CHANCES = log(1.0 - FAULTY), log(FAULTY)
-MEMORY_S, AGAIN_S = 20.0, 0.5  # s over which differences are averaged; from one estimate to the next
+AGAIN_S = 0.5  # s from one estimate to the next
 LONGEST_S = 0.5  # s: of a step that counts
 # Numbers of the shared memory: samples, yaw rate, speed, steering angle and seconds of the step; means of
 # what the wheels and the unit differ by; wheelbase, direction upward in the unit's frame.
@@ -68,32 +67,13 @@ class YawRate(KeepsState):
         if not isfinite(rate):
             return rate
         seconds, samples = min(seconds, LONGEST_S), samples or ()
-        if self._memory.put(samples):
-            given = rate, speed, odometry.steer_angle, seconds
-            STEP.pack_into(self._memory.bytes, 0, len(samples), *given)
-            self._memory.step()
-        else:
-            self.compare_in_python(odometry, samples, seconds)
+        STEP.pack_into(self._memory.bytes, 0, len(samples), rate, speed, odometry.steer_angle, seconds)
+        self._memory.step(samples)
         self._since += seconds
         if self._since >= AGAIN_S:
             self._since = 0.0
             self.bias = _bias(self._differences())
         return rate - self.bias
-
-    def compare_in_python(self, odometry: Odometry, samples: Sequence[Inertial], seconds: float) -> None:
-        """What the compiled step does with them, bit for bit, and for any number of samples."""
-        rate, speed = odometry.yaw_rate, odometry.speed
-        if isfinite(speed) and isfinite(odometry.steer_angle):
-            wheels = speed * tan(odometry.steer_angle) / self._wheelbase
-            sd = hypot(speed / self._wheelbase * ANGLE, UNDERSTEER * wheels)
-            self._angle.take(seconds, rate - wheels, sd)
-        (x, y, z), turns = self._up, []
-        for s in samples:
-            turn = fsum((x * s.rate_x, y * s.rate_y, z * s.rate_z))
-            if isfinite(turn):
-                turns.append(turn)
-        if turns:
-            self._unit.take(seconds, rate - fsum(turns) / len(turns))
 
     def _differences(self) -> list[tuple[float, float, float]]:
         """(by what the gyroscope is above another sensor, deviations of that: sound, faulty) [rad/s]."""
@@ -118,12 +98,6 @@ class _Mean(KeepsState):
     def clear(self) -> None:
         """Nothing yet."""
         self.numbers[:] = 0.0
-
-    def take(self, seconds: float, *values: float) -> None:
-        """Values that held for some seconds."""
-        self.seconds = min(self.seconds + seconds, MEMORY_S)
-        share = seconds / self.seconds if self.seconds > 0.0 else 0.0
-        self.values = [old + share * (new - old) for old, new in zip(self.values, values, strict=True)]
 
 
 def _bias(differences: Sequence[tuple[float, float, float]]) -> float:
