@@ -1,25 +1,33 @@
-"""What runs come to, byte for byte: rows of hashes, which stay where a change means to leave results alone.
+"""What runs come to, to the bit: rows of numbers, which stay where a change means to leave results alone.
 
-    python -m tests.proof.proof                      # compare all rows, some CPU-minutes
-    python -m tests.proof.proof 'case/*' level/edge/otsu   # some of them
-    python -m tests.proof.proof --write 'case/rain'  # after a change that means to change values: these alone
-    python -m tests.proof.proof --show 'case/rain'   # what a row comes to, to compare with another checkout
+    python -m tests.proof.proof                     # compare the stored rows; says what was and what is
+    python -m tests.proof.proof 'level/header/*'    # some of them
+    python -m tests.proof.proof --write 'part/*'    # after a change that means to change values: these alone
+    python -m tests.proof.proof --write case/rain   # a row that was not stored, by its whole name
+    python -m tests.proof.proof --show case/rain    # what any row comes to, to compare with another checkout
 
-`rows.json` holds them; the tests compare the rows of `QUICK`.
+A row is a summary without clocks and digest, and the numbers by moment of tracks or of what a part sends, of
+the first `FIRST_S` and the last `LAST_S`: the whole would take 10 kB a simulated second, and what goes wrong
+in between shows at the end and in the summary. `rows/` holds a file of each that is stored: its JSON, packed
+by xz; numbers are written with as many digits as tell them from their neighbours. `--show` prints the whole.
 """
 
 import argparse
 import fnmatch
-import hashlib
 import json
+import lzma
 import os
+import re
 import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +35,7 @@ import swath
 from swath.api import load_scenario
 from swath.core.errors import SwathError
 from swath.core.process.collector import collected_rarely
+from swath.core.schedule import NS
 from swath.runtime.hooks import RunHook
 from swath.runtime.job import run_job, run_unrecorded
 from swath.runtime.saves import Saves, saves_in
@@ -34,9 +43,9 @@ from swath.scenario.slots import CATALOGUE, SLOTS
 from swath.tools.function_test.case import find_cases
 from swath.tools.part.isolate import IsolatedPart
 
-FILE = Path(__file__).with_name("rows.json")
-# of a summary, not of what it is; `ended` stands in its notes
-CLOCK = ("versions", "wall_s", "real_time_factor", "cost", "swath", "files", "inputs", "ended")
+FOLDER = Path(__file__).with_name("rows")
+# of a summary, not of what it is; `ended` stands in its notes, what the digest is made of in the tracks
+CLOCK = ("versions", "wall_s", "real_time_factor", "cost", "swath", "files", "inputs", "ended", "digest")
 SCENARIOS = (
     "bend", "feed-rate", "gnss-lost", "laser-pilot", "look-ahead", "person-at-edge", "record-run",
     "second-pass", "straight", "two-combines", "two-scanners", "unload-on-the-go",
@@ -50,7 +59,11 @@ CART = (
     "crop_flow",
     "dust",
 )  # kinds that `straight` cannot use
-LONG_S, SHORT_S = 6.0, 2.5
+LONG_S, SHORT_S, TURNED_S = 6.0, 2.5, 8.0
+FIRST_S, LAST_S = 0.1, 0.5  # of a run, from its begin and to its end, of which every moment is kept
+TIME, GONE = "t_s", "(nothing)"
+SAID = 20  # differences of a row that are printed
+MOVING = {"combine.motion.start_speed_kmh": 7}
 CHEAP = {"combine.lidar.level": "empirical", "combine.lidar.sector_deg": [-45, 45]}
 KERNELS = {
     "combine.lidar.level": "profile", "combine.header.level": "profile", "combine.motion.level": "kinematic",
@@ -58,10 +71,6 @@ KERNELS = {
 }  # fmt: skip
 PARTS = ("motion", "header", "process", "lidar", "odometry", "imu", "edge", "steer", "speed", "steering")
 SAVED_S = (1.0, 2.0, 3.0)
-QUICK = (
-    "scenario/straight/kernels", "scenario/straight/empirical *", "level/steer/*", "worlds/*",
-    "environment/*", "part/*",
-)  # fmt: skip
 
 
 class _Tracks(RunHook):
@@ -72,16 +81,30 @@ class _Tracks(RunHook):
 
 
 def plain(value):
-    """A value as JSON; arrays and numbers to the bit."""
+    """A value as JSON, from which it can be told to the bit; a signal by its fields."""
     if isinstance(value, Mapping):
         return {str(key): plain(own) for key, own in value.items()}
+    if is_dataclass(value):
+        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, list | tuple):
         return [plain(own) for own in value]
     if isinstance(value, np.ndarray):
-        if value.dtype == object:
-            return [plain(own) for own in value]
-        return [value.dtype.str, list(value.shape), hashlib.sha256(np.ascontiguousarray(value)).hexdigest()]
+        return {value.dtype.str: plain([*value])}
+    if isinstance(value, np.float32):
+        return float(str(value))
     return value.item() if isinstance(value, np.generic) else value
+
+
+def kept(found):
+    """Of columns by their names, one of them the time, the moments that are stored."""
+    if isinstance(found, list):
+        return [kept(own) for own in found]
+    if not isinstance(found, dict):
+        return found
+    if not isinstance(times := found.get(TIME), list):
+        return {key: kept(own) for key, own in found.items()}
+    places = [k for k, t in enumerate(times) if t <= FIRST_S or t > times[-1] - LAST_S]
+    return {name: [own[k] for k in places] for name, own in found.items()}
 
 
 def judged(summary):
@@ -91,30 +114,33 @@ def judged(summary):
 
 def driven(scenario, sets, seconds=LONG_S, seed=None):
     """Summary and tracks of a run in memory."""
+    return _driven(load_scenario(scenario, sets={"run.max_duration_s": seconds, **sets}, seed=seed))
+
+
+def _driven(scenario):
     hook = _Tracks()
-    sets = {"run.max_duration_s": seconds, **sets}
-    summary = run_unrecorded(load_scenario(scenario, sets=sets, seed=seed), hooks=[hook])
-    tracks = {name: own.by_column for name, own in hook.recorder.tracks.items()}
-    return {"summary": judged(summary), "tracks": plain(tracks)}
+    summary = run_unrecorded(scenario, hooks=[hook])
+    tracks = {
+        name: {column: plain([*values]) for column, values in own.by_column.items()}
+        for name, own in hook.recorder.tracks.items()
+    }
+    return {"summary": judged(summary), "tracks": tracks}
 
 
 def case(name):
     """A case of the catalogue: its first point at its first seed."""
     (found,) = find_cases(name)
     sets = [text for text in found.sets(found.grid_point(0)) if not text.startswith("run.max_duration_s=")]
-    scenario = load_scenario(found.scenario, sets=[*sets, "run.max_duration_s=3.5"], seed=found.seeds[0])
-    hook = _Tracks()
-    summary = run_unrecorded(scenario, hooks=[hook])
-    return {
-        "summary": judged(summary),
-        "tracks": plain(hook.recorder.tracks[next(iter(scenario.machines))].by_column),
-    }
+    sets.append("run.max_duration_s=3.5")
+    return _driven(load_scenario(found.scenario, sets=sets, seed=found.seeds[0]))
 
 
 def level(slot, name):
-    """A level of a slot in `straight`, with little else that costs."""
-    base = {} if slot == "lidar" else dict(CHEAP)
-    return driven("straight", {**base, f"combine.{slot}": name}, SHORT_S)
+    """A level of a slot in `straight`, at speed; beside cheap parts, or beside those that it goes with."""
+    with suppress(SwathError):
+        base = {} if slot == "lidar" else CHEAP
+        return driven("straight", {**MOVING, **base, f"combine.{slot}": name}, SHORT_S)
+    return driven("straight", {**MOVING, **KERNELS, f"combine.{slot}": name}, SHORT_S)
 
 
 def worlds(sets, n, **more):
@@ -126,7 +152,7 @@ def worlds(sets, n, **more):
 
 def environment():
     """An episode of an environment."""
-    env = swath.Env("straight", sets={**KERNELS, "run.distance_m": 4}, speed=True, scan=True)
+    env = swath.Env("straight", sets={**KERNELS, **MOVING, "run.distance_m": 2}, speed=True, scan=True)
     seen, told = env.reset(seed=5)
     steps = [[seen, told]]
     for k in range(30):
@@ -140,7 +166,7 @@ def environment():
 def vector(mode):
     """Steps of an environment of three, over the ends of episodes."""
     env = swath.VectorEnv(
-        "straight", num_envs=3, autoreset_mode=mode, sets={**KERNELS, "run.distance_m": 2.5}
+        "straight", num_envs=3, autoreset_mode=mode, sets={**KERNELS, **MOVING, "run.distance_m": 2}
     )
     steps = [list(env.reset(seed=[1, 2, 3]))]
     told = (np.full((3, 1), 0.05 * np.sin(k), np.float32) for k in range(25))
@@ -154,6 +180,7 @@ def _recorded():
     """A recorded run with saves; the folder stays as long as this process."""
     folder = tempfile.TemporaryDirectory(prefix="swath-proof-")
     sets = {
+        **MOVING,
         **CHEAP,
         "combine.imu": "error",
         "run.record": "full",
@@ -174,12 +201,13 @@ def part(slot):
     made = IsolatedPart(load_scenario(out / "scenario.yaml"), f"combine.{slot}")
     given = made.run(made.recorded(log), end=log.end())
     made.world.close()
-    digest = hashlib.sha256()
-    from swath.record.digest import sample_bytes
-
+    sent = {}
     for arrival in given:
-        digest.update(sample_bytes(*arrival.output, arrival.t, arrival.sample))
-    return [len(given), digest.hexdigest()]
+        columns = sent.setdefault(arrival.output[1], {TIME: []})
+        columns[TIME].append(arrival.t / NS)
+        for each in fields(arrival.sample):
+            columns.setdefault(each.name, []).append(plain(getattr(arrival.sample, each.name)))
+    return sent
 
 
 def saved():
@@ -206,6 +234,8 @@ def all_rows() -> dict[str, Row]:
     rows: dict[str, Row] = {}
     for name in SCENARIOS:
         rows[f"scenario/{name}/as it is"] = partial(driven, name, {}, SHORT_S if "two" in name else LONG_S)
+    turning = {**MOVING, "combine.lidar.level": "empirical", "field.edge.run_in_m": 1}
+    rows["scenario/bend/in the bend"] = partial(driven, "bend", turning, TURNED_S)
     for lidar in ("profile", "empirical"):
         for edge in ("otsu", "likelihood_ratio", "truth"):
             sets = {"combine.lidar.level": lidar, "combine.edge.level": edge}
@@ -232,30 +262,67 @@ def all_rows() -> dict[str, Row]:
     return rows
 
 
-def text_of(row: Row) -> str:
-    """What a row comes to, or the kind of its error."""
+def made(row: Row) -> Any:
+    """What a row comes to, as JSON has it, or the kind of its error."""
     try:
         with collected_rarely(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            made = row()
+            found = row()
     except SwathError as error:
-        made = f"{type(error).__name__}: {getattr(error, 'key', '')}"
-    return json.dumps(made, sort_keys=True, indent=1)
+        found = f"{type(error).__name__}: {getattr(error, 'key', '')}"
+    return json.loads(json.dumps(found))
 
 
-def value_of(row: Row) -> str:
-    """Its hash."""
-    return hashlib.sha256(text_of(row).encode()).hexdigest()[:16]
+def file_of(name: str) -> Path:
+    """Where a row is stored."""
+    return FOLDER / (re.sub(r"\W+", "-", name) + ".json.xz")
 
 
-def stored() -> dict[str, str]:
-    """The rows as they were written last."""
-    return json.loads(FILE.read_text()) if FILE.exists() else {}
+def stored(name: str) -> Any:
+    """A row as it was written last, None where it is not stored."""
+    file = file_of(name)
+    return json.loads(lzma.decompress(file.read_bytes())) if file.exists() else None
 
 
-def chosen(patterns) -> dict[str, Row]:
+def store(name: str, found: Any) -> None:
+    """Write a row."""
+    FOLDER.mkdir(exist_ok=True)
+    text = json.dumps(found, sort_keys=True, separators=(",", ":"))
+    file_of(name).write_bytes(lzma.compress(text.encode(), preset=9 | lzma.PRESET_EXTREME))
+
+
+def differences(was: Any, found: Any, where: str = "", times: Sequence[float] = ()) -> Iterator[str]:
+    """What differs to the bit: a line for each value, for each column the first moment.
+
+    times: of the moments, where `was` is a column
+    """
+    if isinstance(was, dict) and isinstance(found, dict):
+        own = times if isinstance(times := was.get(TIME), list) else ()
+        for key in sorted({*was, *found}):
+            yield from differences(was.get(key, GONE), found.get(key, GONE), f"{where}/{key}".strip("/"), own)
+    elif isinstance(was, list) and isinstance(found, list) and len(was) == len(found):
+        names = (
+            [f" at {t:g} s" for t in times] if len(times) == len(was) else [f"[{k}]" for k in range(len(was))]
+        )
+        each = [[*differences(*pair, where + name)] for name, *pair in zip(names, was, found, strict=True)]
+        first, *more = [*filter(None, each)] or [[]]
+        yield from first
+        if more:
+            yield f"{where}: and {len(more)} more of {len(was)}"
+    elif isinstance(was, list) and isinstance(found, list):
+        yield f"{where}: had {len(was)} values, has {len(found)}"
+    elif json.dumps(was) != json.dumps(found):
+        yield f"{where}: was {was}, is {found}"
+
+
+def chosen(patterns: Sequence[str]) -> dict[str, Row]:
     """Rows by name."""
     return {name: row for name, row in all_rows().items() if any(fnmatch.fnmatch(name, p) for p in patterns)}
+
+
+def stored_rows(patterns: Sequence[str] = ("*",)) -> dict[str, Row]:
+    """Those of them that are stored."""
+    return {name: row for name, row in chosen(patterns).items() if file_of(name).exists()}
 
 
 def main() -> int:
@@ -266,25 +333,27 @@ def main() -> int:
     parser.add_argument("--write", action="store_true", help="store these rows")
     parser.add_argument("--show", action="store_true", help="print what they come to")
     args = parser.parse_args()
-    known, differ = stored(), 0
-    for name, row in chosen(args.rows).items():
-        started = time.process_time()
-        if args.show:
-            print(name, text_of(row))
-            continue
-        value = value_of(row)
-        differs = name in known and value != known[name]
-        differ += differs
-        spent = time.process_time() - started
-        said = "differs" if differs else "same" if name in known else "no row"
-        print(f"{said:7} {spent:6.1f} s  {name}", flush=True)
-        if args.write:
-            known = {**stored(), name: value}
-            FILE.write_text(json.dumps(dict(sorted(known.items())), indent=0) + "\n")
+    if args.show:
+        for name, row in chosen(args.rows).items():
+            print(name, json.dumps(made(row), sort_keys=True, indent=1))
+        return 0
+    rows, differ = stored_rows(args.rows), 0
     if args.write:
-        every = all_rows()
-        kept = {name: value for name, value in sorted(stored().items()) if name in every}
-        FILE.write_text(json.dumps(kept, indent=0) + "\n")
+        rows |= {name: row for name, row in all_rows().items() if name in args.rows}
+    for name, row in rows.items():
+        started, was, found = time.process_time(), stored(name), kept(made(row))
+        said = [*differences(was, found)]
+        differ += bool(said)
+        print(f"{'differs' if said else 'same':7} {time.process_time() - started:6.1f} s  {name}", flush=True)
+        for line in said[:SAID] if was else ():
+            print(f"    {line}")
+        if len(said) > SAID and was:
+            print(f"    and {len(said) - SAID} more")
+        if args.write:
+            store(name, found)
+    if args.write:
+        for file in {*FOLDER.iterdir()} - {file_of(name) for name in all_rows()}:
+            file.unlink()
     return int(differ > 0 and not args.write)
 
 
