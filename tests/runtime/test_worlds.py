@@ -12,13 +12,9 @@ from swath.core.blocks import Block, Pile
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.frozen import frozen
-from swath.core.schedule import NS
 from swath.core.signal import Signal
 from swath.core.together import InWorlds, Samples, Sent
-from swath.record.digest import Columns, Digest, sample_bytes
-from swath.runtime import loop
-from swath.runtime.assembly import assemble
-from swath.runtime.loop import drive
+from swath.record.digest import Columns, sample_bytes
 from swath.signals import CropEdge, CropFlow, MachineState, Scan, SpeedCommand, SteerCommand
 from swath.signals.objects import objects_of
 
@@ -374,31 +370,3 @@ def test_samples_are_what_they_were_made_of(seed):
         samples = Samples.joined(signals)
         for world, signal in enumerate(signals):
             assert sample_bytes("a", "b", 7, samples.of(world)) == sample_bytes("a", "b", 7, signal)
-
-
-def test_a_saved_run_goes_on_as_if_nothing_had_happened():
-    def world():
-        return assemble(swath.load_scenario("straight", sets=KERNELS, seed=5))
-
-    whole, parted, again = Digest(), Digest(), Digest()
-    drive(world(), [whole])
-    first = world()
-    drive(first, [parted], until_s=0.25)
-    second = world()
-    second.load(first.save())
-    again.load(parted.save())
-    drive(second, [again], resume=True)
-    assert again.hex == whole.hex
-
-
-def test_how_long_a_beat_is_changes_nothing(monkeypatch):
-    def summary(beat):
-        monkeypatch.setattr(loop, "BEAT", beat)
-        sets = {**KERNELS, "run.distance_m": 13, "run.max_duration_s": 8}
-        (run,) = swath.batch([{"scenario": "straight", "sets": sets, "seed": 4}])
-        return judged(run.summary)
-
-    known = summary(NS // 4)
-    assert '"digest"' in known
-    for beat in (NS // 30, 3 * NS):
-        assert summary(beat) == known

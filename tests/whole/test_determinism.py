@@ -1,12 +1,18 @@
 """Same scenario and seed: same digest, whatever the threads and however often it is saved and resumed."""
 
+import json
 import pickle
 
 import pytest
 
+import swath
+from swath.core.schedule import NS
 from swath.record.digest import Digest
+from swath.runtime import loop
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive
+from swath.runtime.worlds import Worlds
+from tests.proof.proof import CHEAP, KERNELS, judged
 from tests.whole.small import small
 
 SHORT = "run.distance_m=2.5"
@@ -65,15 +71,41 @@ def test_saved_in_the_middle_and_resumed_elsewhere(reference, middle_s):
 
 def test_the_level_empirical_is_as_repeatable(monkeypatch):
     sets = ("combine.lidar.level=empirical", "run.max_duration_s=1.2")
-    monkeypatch.setenv("SWATH_THREADS", "1")
-    reference = digest_of(*sets)
-    monkeypatch.setenv("SWATH_THREADS", "2")
-    assert digest_of(*sets) == reference
-    digest, world = Digest(), assemble(small(SHORT, *sets))
-    drive(world, [digest], until_s=0.735)
-    state = pickle.loads(pickle.dumps({"world": world.save(), "digest": digest.save()}))
-    fresh, second = assemble(small(SHORT, *sets)), Digest()
-    fresh.load(state["world"])
-    second.load(state["digest"])
-    drive(fresh, [second], resume=True)
-    assert second.hex == reference
+    found = set()
+    for threads in ("1", "2"):
+        monkeypatch.setenv("SWATH_THREADS", threads)
+        found.add(digest_of(*sets))
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize(
+    ("sets", "many"),
+    [
+        ({**KERNELS, "run.distance_m": 13, "run.max_duration_s": 8}, 0),
+        ({**CHEAP, "run.max_duration_s": 0.6}, 16),
+    ],
+    ids=["judged", "as shipped"],
+)
+def test_looks_saves_and_company_change_nothing(sets, many, monkeypatch):
+    """Observers look every so often; a run is saved between two looks and resumed, or is one of many."""
+
+    def world(seed=5):
+        return assemble(swath.load_scenario("straight", sets=sets, seed=seed))
+
+    summaries, digests = set(), set()
+    for look, count in ((0.1, many), (0.25, 0), (1.0, 0)):
+        for name in ("BEAT", "LONG_BEAT"):
+            monkeypatch.setattr(loop, name, round(look * NS))
+        for seeds in ([5], [6, 5] * (count // 2)):
+            ended = Worlds([world(seed) for seed in seeds]).drive() if seeds else ()
+            found = [summary for k, summary in ended if seeds[k] == 5]
+            summaries |= {json.dumps(judged(summary)) for summary in found}
+            digests |= {summary["digest"] for summary in found}
+        first, second, parted, again = world(), world(), Digest(), Digest()
+        drive(first, [parted], until_s=0.37)
+        second.load(first.save())
+        again.load(parted.save())
+        for resumed, digest in ((first, parted), (second, again)):
+            drive(resumed, [digest], resume=True)
+            digests.add(digest.hex)
+    assert len(summaries) == len(digests) == 1
