@@ -1,9 +1,10 @@
 """Instructions of a simulated second, counted by Valgrind: load of the machine does not move them.
 
-python benchmarks/instructions.py [--scenario straight] [--seconds 3] [--record exact] [--set KEY=VALUE ...]
+python benchmarks/instructions.py [--scenario straight] [--seconds 3] [--record none] [--set KEY=VALUE ...]
     [--parts]
 
---parts: how many of them each component, evaluator and part of the recorder takes.
+--record: by default not at all, then exactly. --parts: how many of them each component, evaluator and part of
+the recorder takes. What Python does in a second of the same run is counted, too (`benchmarks/counts.py`).
 
 Needs `valgrind`. One thread, kernels compiled for AVX2, which Valgrind knows; SHA-256 has no instruction of
 its own there and takes 17 million per simulated second. The start of the run is not counted.
@@ -23,6 +24,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import counts
 from counted_parts import WITHIN, Parts, read_counts
 
 SETTLE_S = 1.5
@@ -97,14 +99,14 @@ def count(state: str, options: argparse.Namespace) -> None:
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def main(arguments: Sequence[str] | None = None) -> float:
-    """Run once to compile kernels, then counted. Prints and returns millions per simulated second."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print what each way to record takes."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--scenario", default="straight")
     parser.add_argument("--seconds", type=float, default=3.0, help="simulated time that is counted")
-    parser.add_argument("--record", default="none", choices=("none", "standard", "exact", "full"))
+    parser.add_argument("--record", choices=("none", "standard", "exact", "full"))
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--parts", action="store_true", help="what each part of it takes")
     parser.add_argument("--inside", choices=("plain", RUN), help=argparse.SUPPRESS)
@@ -113,15 +115,24 @@ def main(arguments: Sequence[str] | None = None) -> float:
     options = parser.parse_args(given)
     if options.inside:
         inside(options)
+    for record in (options.record,) if options.record else ("none", "exact"):
+        print(f"--record {record}")
+        show([*given, "--record", record], options)
+        sets = [part for text in options.set for part in ("--set", text)]
+        counts.show(["--scenario", options.scenario, "--record", record, *sets])
+    counts.show_middle()
+
+
+def show(given: Sequence[str], options: argparse.Namespace) -> None:
+    """Run once to compile kernels, then counted; prints millions per simulated second."""
     started(given, "plain")
     millions = million(counted(given)) / options.seconds
-    print(f"{millions:.1f} million instructions per simulated second")
+    print(f"{millions:10.1f} million instructions per simulated second")
     if options.parts:
         with tempfile.TemporaryDirectory() as folder:
             places = Path(folder) / PLACES
             text = counted([*given, "--places", str(places)])
             show_parts(read_counts(places, text), millions, options.seconds)
-    return millions
 
 
 def started(given: Sequence[str], how: str, tool: Sequence[str] = ()) -> None:

@@ -1,0 +1,28 @@
+"""What a simulated second of `straight` takes, and the classes that samples go through, grow no more.
+
+The bounds are what `python -m benchmarks.counts` counts now; other load on the machine does not move it. A
+change that lowers a count writes the new number here in the same commit. A change that raises one gives
+something for it, which its commit names; otherwise it is mended.
+"""
+
+import sys
+
+import pytest
+from benchmarks.counts import BYTECODES, CALLS, STEPS, SUPPLIES, WALKS, asks_for_types, classes, in_a_process
+
+BOUNDS = {BYTECODES: 1_197_716, CALLS: 39_809, WALKS: 220, STEPS: 25, SUPPLIES: 115}
+SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
+CLASSES, ASKING = 48, 14
+
+
+@pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="other versions of Python have other bytecodes")
+def test_a_simulated_second_takes_no_more():
+    found, modules = in_a_process()
+    grown = {name: (found[name], most) for name, most in BOUNDS.items() if found[name] > SPARE * most}
+    assert not grown, "more than before: see above what to do (count, bound)"
+    assert found[BYTECODES] == sum(modules.values()) > found[CALLS] > found[WALKS] > 0
+
+
+def test_a_sample_goes_through_no_more_classes():
+    assert sum(classes().values()) <= CLASSES
+    assert len(asks_for_types()) <= ASKING
