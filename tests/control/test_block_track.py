@@ -7,8 +7,9 @@ import pytest
 
 from swath.control.edge.block_track import BlockTrack, Search
 from swath.control.edge.blocks import Block, _added, find_edge
-from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, NOTHING
-from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
+from swath.control.edge.canopy_classes import AIR, CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, NOTHING
+from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
+from swath.signals import Scan
 from tests.control.synthetic_edge import mounting
 from tests.control.test_likelihood_ratio import SPEED, drive
 
@@ -150,3 +151,16 @@ def test_an_echo_that_dust_may_have_sent_says_less():
     np.testing.assert_array_equal(dusty[0], clear)
     assert (np.diff(np.abs(dusty[:, :LAYERS]), axis=0) <= 1e-12).all()
     np.testing.assert_allclose(dusty[-1, :LAYERS], 0.0, atol=1e-4)
+
+
+def test_an_echo_of_the_air_at_the_scanner_says_that_nothing_answered():
+    """At 0.7 to 1.5 m no crop stands: in fog and behind a dirty window beams that meet none answer there."""
+    azimuth, ranges = np.linspace(-1.0, 1.0, 41), np.random.default_rng(1).uniform(0.7, 1.49, (41, 1))
+    rays, ground, frame = CanopyRays(mounting(), 1.0), Ground(), EdgeFrame(9.0, 0.0, 0.0, 0.0)
+    level, ones = np.zeros(41), np.ones((41, 1), np.float32)
+    scan = Scan(1, level, azimuth, level, ranges.astype(np.float32), ones)
+    rays.take(scan, (2.0, 0.0), frame, ground, -3.5, -0.25)
+    answers = rays.answers(ground, 0.0, 0.85, (0.0, 0.0))
+    assert len(answers.cells) > 5
+    assert set((answers.cells % CLASSES).tolist()) == {AIR}
+    assert np.isnan(answers.height).all()

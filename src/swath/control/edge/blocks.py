@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from swath.control.edge.canopy_classes import CELL, CLASSES, DUST, HALF, LAYERS, NOTHING, PLACES
+from swath.control.edge.canopy_classes import AIR, CELL, CLASSES, DUST, HALF, LAYERS, NOTHING, PLACES
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.profile import Clears
 from swath.core.portable import exp, log, product
@@ -23,7 +23,7 @@ FEWEST = 30.0  # rays to either side of an edge
 ABOUT = 10  # places of CELL to either side over which the dust of one is taken, own choice
 CLEAR = 0.35  # m beside the edge from which on a ray belongs to one side
 # layers that count as one while nothing is known: the stubble, whose plane is not known well, then pairs
-_MERGED = np.array([0, *range(8, LAYERS, 2), DUST, NOTHING])
+_MERGED = np.array([0, *range(8, LAYERS, 2), DUST, NOTHING, AIR])
 _WITHIN = slice(round((HALF - WINDOW) / CELL), round((HALF + WINDOW) / CELL) + 1)
 
 

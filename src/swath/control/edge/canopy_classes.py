@@ -1,8 +1,10 @@
 """Classes and places of what rays answer in the canopy, and what belongs to the ground beside it."""
 
-NEAR, FAR = 1.0, 25.0  # m: nearer echoes are dust or chaff at the scanner
+# m: nearer echoes are of the air or the window at the scanner, and nothing behind answered louder
+NEAR, FAR = 1.5, 25.0
 LAYER, LOWEST, LAYERS = 0.06, -0.3, 46  # m, m, number: the layers of height that make the classes
-DUST, NOTHING, CLASSES = LAYERS, LAYERS + 1, LAYERS + 2  # two more: above the crop or near, no echo at all
+# three more: an echo above the crop, none at all, and one nearer than NEAR
+DUST, NOTHING, AIR, CLASSES = LAYERS, LAYERS + 1, LAYERS + 2, LAYERS + 3
 HEADROOM, ROOM = 1.25, 0.3  # [1], [m]: an echo this much above the crop's height is no crop
 LIMIT = 0.3  # of the crop's height: a ray below it has gone on
 INWARD = 0.03  # m at most, of its way that a ray going into the crop counts before its end
@@ -11,6 +13,6 @@ REPEATS = 0.1  # of its range: an echo so near that of its beam a scan before st
 STEEPEST = -0.05  # a beam that falls less than this per metre never reaches the ground
 CELL, HALF = 0.025, 4.0  # m: width of a place, and how far to either side places are counted
 PLACES = round(2 * HALF / CELL)
-GROUND_REACH, GROUND_NEAR = 0.6, 1.5  # m: of the heights about the plane before; nearer echoes are puffs
+GROUND_REACH = 0.6  # m: of the heights about the plane before
 GROUND_MOST, GROUND_LEAST = 1.0, -4.0  # m above the machine's own ground plane: higher are puffs
 GROUND_SPREAD = 0.08  # m: echoes this far from the plane count a quarter

@@ -16,14 +16,13 @@ FAR, NEAR, STEEPEST, REPEATS, LAYER, LOWEST, HEADROOM, HEAD = (
 LIMIT, INWARD, OUTWARD, OUTWARD_SHARE = (
     wp.constant(real(n)) for n in (k.LIMIT, k.INWARD, k.OUTWARD, k.OUTWARD_SHARE)
 )
-GROUND_REACH, GROUND_NEAR, GROUND_MOST, GROUND_LEAST, GROUND_SPREAD = (
-    wp.constant(real(n))
-    for n in (k.GROUND_REACH, k.GROUND_NEAR, k.GROUND_MOST, k.GROUND_LEAST, k.GROUND_SPREAD)
+GROUND_REACH, GROUND_MOST, GROUND_LEAST, GROUND_SPREAD = (
+    wp.constant(real(n)) for n in (k.GROUND_REACH, k.GROUND_MOST, k.GROUND_LEAST, k.GROUND_SPREAD)
 )
 CELL, HALF_WIDTH = wp.constant(real(k.CELL)), wp.constant(real(k.HALF))
 LEAST_FALL = wp.constant(real(-1e-3))
-LAYERS, DUST, NOTHING, CLASSES, PLACES = (
-    wp.constant(n) for n in (k.LAYERS, k.DUST, k.NOTHING, k.CLASSES, k.PLACES)
+LAYERS, DUST, NOTHING, AIR, CLASSES, PLACES = (
+    wp.constant(n) for n in (k.LAYERS, k.DUST, k.NOTHING, k.AIR, k.CLASSES, k.PLACES)
 )
 FALLING, BESIDES, CLOSE = (wp.constant(n) for n in range(3))  # of the counts that `trace` gives
 COUNTED, MIDDLE = wp.constant(0), wp.constant(1)  # of those that `answer` gives
@@ -152,7 +151,7 @@ def trace(
             rays.stands[n] = stands
             rays.before[n] = r
             n += 1
-            if r > GROUND_NEAR and stands == 1:
+            if r > NEAR and stands == 1:
                 p = start + aim * r
                 beside = place(way, p[0], p[1])[1]
                 if beside > way.low and beside < way.high and p[2] < GROUND_MOST and p[2] > GROUND_LEAST:
@@ -232,10 +231,12 @@ def answer(
         height = real(NAN)
         ahead = real(NAN)
         r = rays.distance[i]
-        if r == r:
+        if r < NEAR:
+            kind = AIR
+        elif r == r:
             p = start + aim * r
             height = above_stubble(way, crop, p)
-            if r < NEAR or height > HEADROOM * crop.height + HEAD:
+            if height > HEADROOM * crop.height + HEAD:
                 kind = DUST
             else:
                 kind = int(wp.clamp((height - LOWEST) / LAYER, ZERO, real(LAYERS - 1)))

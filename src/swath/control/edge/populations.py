@@ -1,7 +1,8 @@
 """What rays answer in the crop and beside it, learned while driving, and what one more answer is worth.
 
-The class of an answer is a layer of height above the stubble side, dust, or no echo (`canopy_rays`). Counts
-of the classes on either side of the edges accepted so far give the log-likelihood ratio of every class.
+The class of an answer is a layer of height above the stubble side, dust, no echo, or an echo of the air at
+the scanner (`canopy_rays`): nothing behind it answered louder. Counts of the classes on either side of the
+edges accepted so far give the log-likelihood ratio of every class.
 Nothing is assumed about crop, stubble, density or dust: where puffs swallow the beams on one side only,
 "no echo" itself is evidence.
 """
@@ -9,7 +10,7 @@ Nothing is assumed about crop, stubble, density or dust: where puffs swallow the
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.control.edge.canopy_classes import CLASSES, DUST, LAYER, LAYERS, LOWEST, NOTHING
+from swath.control.edge.canopy_classes import AIR, CLASSES, DUST, LAYER, LAYERS, LOWEST, NOTHING
 from swath.control.edge.profile import Clears
 from swath.core.portable import exp, log
 from swath.signals import F64
@@ -109,9 +110,9 @@ class Populations(Clears):
         if self._told is None:
             crop, stubble = self._standing(0), self._standing(1)
             first = self._first_layer()
-            answered = float(self.counts[0].sum() - self.counts[0, DUST])
+            answered = float(self.counts[0].sum() - self.counts[0, [DUST, AIR]].sum())
             sides = self.counts[[0, 1, 4]]
-            lost = sides[:, DUST] + [1.0, 0.0, 1.0] * sides[:, NOTHING]
+            lost = sides[:, DUST] + sides[:, AIR] + [1.0, 0.0, 1.0] * sides[:, NOTHING]
             dust = lost / np.maximum(sides.sum(axis=1), NONE)
             self._told = (
                 canopy_height(crop, first),
