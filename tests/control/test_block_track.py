@@ -136,6 +136,18 @@ def test_what_a_block_adds_to_what_is_known_gives_it_again(seed):
     assert _added(place, np.ones(121), known)[1] > 1.0  # flat: it adds nothing
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_what_a_block_adds_lies_where_it_looked(seed):
+    """Chances that rise to one side, as where dust hides the edge, once seemed an edge metres off."""
+    draw, place = np.random.default_rng(seed), CELL * np.arange(-12, 13)
+    steep, known = draw.choice([-1, 1]) * draw.uniform(1.0, 20.0), draw.uniform(0.05, 0.2) ** 2
+    chance = np.exp(steep * place)
+    mean, variance = _added(place, chance / chance.sum(), known)
+    assert abs(mean) <= place[-1]
+    assert mean * steep >= 0.0
+    assert variance > 0.0
+
+
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
 def test_haze_is_the_optical_depth_that_answers_so_many_rays(share):
     block = Block()

@@ -133,14 +133,17 @@ def find_edge(block: Block, ratios: F64, gate: float, known: float = inf) -> Fou
 
 def _added(place: F64, chance: F64, known: float) -> tuple[float, float]:
     """Mean [m] and variance [m2] of the normal that takes one about 0 of the variance `known` to the mean and
-    the variance of its product with the chances of places.
+    the variance of its product with the chances of places. It lies among these: of chances that rise to one
+    side all the way no normal is like them.
     """
     both = chance * exp(-0.5 * place**2 / known)
     both /= both.sum()
     mean = float((both * place).sum())
     variance = max(float((both * (place - mean) ** 2).sum()), CELL**2 / 12.0)  # of one place
     more = 1.0 / variance - 1.0 / known
-    return (mean / (variance * more), 1.0 / more) if more > 1e-3 else (0.0, 1e3)
+    if more <= 1e-3:
+        return 0.0, 1e3
+    return min(max(mean / (variance * more), float(place[0])), float(place[-1])), 1.0 / more
 
 
 def _blank(counts: F64, edge: float) -> float:
