@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath.control.edge.block_track import BlockTrack, Search
+from swath.control.edge.block_track import FIRST, LONGEST, BlockTrack, Search
 from swath.control.edge.blocks import Block, _added, find_edge
 from swath.control.edge.canopy_classes import AIR, CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, NOTHING
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
@@ -163,6 +163,60 @@ def test_an_echo_that_dust_may_have_sent_says_less():
     np.testing.assert_array_equal(dusty[0], clear)
     assert (np.diff(np.abs(dusty[:, :LAYERS]), axis=0) <= 1e-12).all()
     np.testing.assert_allclose(dusty[-1, :LAYERS], 0.0, atol=1e-4)
+
+
+def search(populations, seed, *, blocks=20, turning=0.0, rays=60):
+    """(track, travel [m] until an edge began or nan) of a machine that sees no edge yet.
+
+    populations: of places beside the way (n,), shares of classes (n, CLASSES); turning: of it [rad/m]
+    """
+    track, rng, none = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed), np.full(rays, np.nan)
+    for n in range(blocks * SCANS):
+        place = rng.uniform(-3.0, 3.0, rays)
+        drawn = rng.uniform(size=(rays, 1))
+        kind = np.minimum((np.cumsum(populations(place), axis=1) < drawn).sum(axis=1), CLASSES - 1)
+        cells = np.floor((place + HALF) / CELL).astype(np.int64) * CLASSES + kind
+        stands = rng.uniform(size=rays) < 0.5
+        answers = RayAnswers(cells, stands, none, 0.0, rays, none, stands, place, place)
+        travel = TRAVEL * (n + 1)
+        track.add(answers, TRAVEL, EdgeFrame(9.0, 0.0, 0.0, 0.0), (travel, 0.0, turning * travel), 0.0)
+        if track.track.arc is not None:
+            return track, travel
+    return track, np.nan
+
+
+def shares(**of):
+    """Shares of classes by name."""
+    kinds = {"stubble": 5, "crop": 12, "air": AIR, "dust": DUST, "nothing": NOTHING}
+    made = np.zeros(CLASSES)
+    made[[kinds[name] for name in of]] = list(of.values())
+    return made / made.sum()
+
+
+def faint(rng):
+    """Crop in which few rays end, beside stubble of which few come back: in the air, or not at all."""
+    crop, quiet = rng.uniform(0.10, 0.13), rng.choice(["air", "nothing"])
+    return shares(crop=crop, stubble=0.04, **{quiet: 0.96 - crop}), shares(stubble=0.04, **{quiet: 0.96})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_says_little_in_a_metre_begins_an_edge_in_four(seed):
+    rng = np.random.default_rng(seed)
+    place, (crop, stubble) = rng.uniform(-1.2, 1.2), faint(rng)
+    field = lambda beside: np.where((beside > place)[:, None], crop, stubble)  # noqa: E731
+    track, travel = search(field, seed)
+    assert LONGEST < travel < 2.0 * FIRST
+    assert abs(track.track.arc.u - place) < 0.25
+    assert np.isnan(search(field, seed, turning=0.15)[1])  # it was somewhere else a metre before
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_one_population_never_begins_an_edge_however_far_it_is_driven(seed):
+    rng = np.random.default_rng(20 + seed)
+    for population in faint(rng):
+        track, travel = search(lambda beside, of=population: np.tile(of, (len(beside), 1)), seed, blocks=40)
+        assert np.isnan(travel)
+        assert len(track.save()["scans"]) <= (LONGEST + 2.0 * TRAVEL) / TRAVEL  # and nothing piles up
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -27,6 +27,7 @@ from swath.core.component import KeepsState
 from swath.signals import F64
 
 BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
+FIRST = 4.0  # m of travel whose rays add up while there is no edge: so far one is straight, estimated
 BEGIN_GAIN = 20.0  # nat of two populations over one, at first
 GATE, WIDENING = 0.28, 0.025  # m, 1/m: + WIDENING times the square of the distance unseen
 BLURRED, BROAD = 0.08, 0.5  # m, deviation of a block's edge in dust from which on the gate is as wide; m
@@ -78,7 +79,7 @@ class BlockTrack(KeepsState):
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
         "_block", "_scans", "_is_broken", "_scatters", "_lost", "bite", "turn_sd", "_breaks", "_lodging",
-        "jagged", "_bends", "_walls",
+        "jagged", "_bends", "_walls", "_headed",
     )  # fmt: skip
 
     def __init__(self, search: Search) -> None:
@@ -98,6 +99,7 @@ class BlockTrack(KeepsState):
         self.jagged.clear()
         self._walls.clear()
         self._scans: list[RayAnswers] = []
+        self._headed = 0.0  # heading where the block began [rad]
         self.height, self.agreed, self.scatter = HEIGHT, 0.0, 0.0
         self.blank, self.followed = 0.0, 0
         self._is_broken = False  # the last blocks showed no standing edge near the track
@@ -129,14 +131,18 @@ class BlockTrack(KeepsState):
         if self.track.arc is None and self._is_taller():
             is_done = True
         elif self.track.arc is None:
-            is_done = self._begin(frame, at) or self._block.travel >= LONGEST
+            is_done = self._begin(frame, at)
+            if self._block.travel > LONGEST and not is_done:
+                is_done = abs(at[2] - self._headed) > PARALLEL
+                self._block.fade(min(1.0, FIRST / self._block.travel))
+                del self._scans[0]
         elif self.followed < YOUNG and self._is_front():
             is_done = self._begin_anew(frame, at)
         else:
             is_done = self._go_on(self.track.arc, frame, at)
         if is_done:
             self._block.clear()
-            self._scans = []
+            self._scans, self._headed = [], at[2]
 
     def _is_taller(self) -> bool:
         """Most of an unseen crop stands higher than it was taken to: it counts up to there now.

@@ -40,7 +40,7 @@ class Block(Clears):
         self.counts: F64 = np.zeros((PLACES, CLASSES))
         self.solid: F64 = np.zeros((PLACES, CLASSES))
         self.travel = 0.0
-        self._along, self._rays, self._scans = 0.0, 0, 0
+        self._along, self._rays, self._scans = 0.0, 0.0, 0.0
 
     def add(self, rays: RayAnswers, travel: float) -> None:
         """The rays of one scan, and the way driven since the one before [m]."""
@@ -49,6 +49,13 @@ class Block(Clears):
         np.add.at(self.solid.reshape(-1), rays.cells[rays.solid], 1.0)
         self._along += rays.along
         self._rays += rays.close
+
+    def fade(self, share: float) -> None:
+        """All that it holds counts that much."""
+        self.counts *= share
+        self.solid *= share
+        self.travel *= share
+        self._along, self._rays, self._scans = self._along * share, self._rays * share, self._scans * share
 
     @property
     def along(self) -> float:

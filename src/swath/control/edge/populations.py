@@ -170,9 +170,9 @@ def _end_of_peak(layers: F64) -> int:
 
 
 def overlap_of(first: F64, second: F64) -> float:
-    """Bhattacharyya coefficient of two rows of counts."""
-    a, b = _shares(np.stack([first, second]))
-    return float(np.sqrt(a * b).sum())
+    """Bhattacharyya coefficient of two rows of counts: of all rays, or, where less, of the echoes near."""
+    sides = np.stack([first, second])
+    return min(float(np.sqrt(a * b).sum()) for a, b in map(_shares, (sides, sides[:, :LAYERS])))
 
 
 def crop_excess(crop: F64, stubble: F64) -> float:
