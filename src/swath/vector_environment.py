@@ -282,17 +282,17 @@ class VectorEnv(gymnasium.vector.VectorEnv):  # type: ignore[misc]
         task, members, seen = self.task, cohort.members[which], self._seen
         newest = cohort.worlds.lockstep.newest
         samples = (newest((f"{task.machine}.{name}", name)) for name in ("edge", "odometry"))
-        edge, odometry = (None if sent is None else sent.all for sent in samples)
+        edge, odometry = (None if sent is None else sent.stacked for sent in samples)
         outputs = [output for _, output, *_ in OF_CROP] if task.flow else []
         readings = [newest((f"{task.machine}.{task.flow}", output)) for output in outputs]
-        crop = [None if sent is None else sent.all for sent in readings]
+        crop = [None if sent is None else sent.stacked for sent in readings]
         seen["values"][members] = task.values_of(edge, odometry, cohort.wanted, crop)[which]
         if task.lidar and (scan := newest((task.lidar, "scan"))) is not None:
-            seen["scan"][members] = scan_of(scan.all.arrays["ranges"][which])
+            seen["scan"][members] = scan_of(scan.stacked.arrays["ranges"][which])
         if task.camera:
             sent, pictures = newest((task.camera, "image")), seen["picture"]
             for world, place in zip(which.tolist(), members.tolist(), strict=True):
-                colour = None if sent is None else sent.of(world).colour
+                colour = None if sent is None else sent.view(world).colour
                 is_there = colour is not None and colour.shape == pictures.shape[1:]
                 pictures[place] = colour if is_there else 0
 

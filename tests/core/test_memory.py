@@ -6,8 +6,7 @@ import weakref
 import numpy as np
 
 from swath.core.blocks import Block, Pile, Seen
-from swath.core.rows import Spare
-from swath.core.together import Sent
+from swath.core.rows import Spare, row_with
 from swath.signals import SpeedCommand
 
 NUMBERS = np.dtype([("a", np.float64), ("b", np.float64, (3,))])
@@ -29,9 +28,8 @@ def test_memory_is_used_again_once_no_view_of_it_is_left():
 
 def test_samples_are_let_go_without_a_collector():
     """Runs collect cycles rarely: one that held samples would hold all of them."""
-    sent = Sent(None, [SpeedCommand(0, 1.0)])
-    pile = Pile("combine.speed", "command", sent)
-    pile.add(0, 0, sent)
+    pile = Pile("combine.speed", "command", row_with(SpeedCommand(0, 1.0)))
+    pile.trail.append(0)
     seen, known = Seen([Block(pile, 0)]), weakref.ref(pile)
     assert seen.of_machine("combine").of(SpeedCommand) is not None
     assert seen.of(SpeedCommand, "combine") is not None

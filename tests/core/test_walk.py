@@ -1,12 +1,18 @@
 """Ops are walked by compiled code as they are from Python, whatever a beat is, to the bit."""
 
+import re
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 
 import swath.compiled
+from swath.core.errors import SwathError
+from swath.core.frames import Pose
+from swath.core.frozen import changed, frozen
 from swath.core.graph import Lockstep
 from swath.core.ops import Source
-from swath.core.rows import Room, Row, Trail, can_be_row, row_like, row_of
+from swath.core.rows import Room, Row, Trail, can_be_row, held_row, row_like, row_of
 from swath.core.together import Samples
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
@@ -14,7 +20,7 @@ from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive
 from swath.runtime.worlds import drive_together
 from swath.scenario.scenario import load_scenario
-from swath.signals import CropEdge, Inertial, MachineState, Scan, SteerCommand
+from swath.signals import CropEdge, Inertial, MachineState, Scan, Signal, SteerCommand
 
 QUICK = ("combine.lidar.level=profile", "combine.header.level=profile", "combine.edge.level=otsu")
 SETS = {
@@ -114,6 +120,73 @@ def test_a_row_is_its_samples():
     again = row_of(MachineState, 3)
     again.take(Samples.joined(row.each()))
     assert (again.memory.tobytes(), again.t) == (row.memory.tobytes(), 7)
+
+
+@frozen
+class Told(Signal):
+    """What a part of a user may say."""
+
+    x: float
+    code: int
+    pose: Pose
+    text: str
+    pair: tuple[int, float]
+    ranges: np.ndarray
+    limit: float | None = None
+
+
+def told(draw, t):
+    """A drawn sample."""
+    pose = Pose.from_euler(draw.normal(size=3), *draw.normal(size=3))
+    text, ranges = "".join(draw.choice([*"abc"], size=3)), draw.normal(size=int(draw.integers(4)))
+    limit = draw.choice([None, 1.5])
+    return Told(t, draw.normal(), int(draw.integers(9)), pose, text, (t, draw.normal()), ranges, limit)
+
+
+def test_a_row_holds_any_sample():
+    """Numbers as they are declared, all else as the object that it is; of each world at its own time."""
+    draw = np.random.default_rng(8)
+    for worlds in (1, 3):
+        row = held_row(Told, worlds)
+        trail, sent = Trail(row, 1), []
+        for k in range(5):
+            sent.append([told(draw, 10 * k + int(draw.integers(3))) for _ in range(worlds)])
+            row.take(dict(enumerate(sent[-1])))
+            trail.append(k)
+        assert all(row.view(world) is sample for world, sample in enumerate(sent[-1]))
+        for k, each in enumerate(sent):
+            for found, sample in zip(trail.at(k).each(), each, strict=True):
+                assert found.ranges is sample.ranges
+                for name in ("t", "x", "code", "text", "pair", "limit"):
+                    assert getattr(found, name) == getattr(sample, name)
+                    assert type(getattr(found, name)) is type(getattr(sample, name)) or name == "x"
+                assert found.pose.numbers == sample.pose.numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weighed(Signal):
+    """A sample whose class does more than to take its fields."""
+
+    grain: float
+    share: float = field(init=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "share", self.grain / 4.0)
+        object.__setattr__(self, "grain", self.grain + 1.0)
+
+
+def test_a_sample_comes_back_as_it_was_sent():
+    sample, row = Weighed(t=3, grain=2.0), held_row(Weighed, 1)
+    row.take({0: sample})
+    assert row.each() == [sample] == [row.view(0)]
+    assert (sample.grain, sample.share) == (3.0, 0.5)
+
+
+@pytest.mark.parametrize("wrong", [{"x": "far"}, {"code": 2.7}, {"code": None}, {"pose": (1.0, 2.0)}])
+def test_a_field_that_is_not_as_declared_is_named(wrong):
+    sample = changed(told(np.random.default_rng(1), 5), **wrong)
+    with pytest.raises(SwathError, match=f"Told.*{re.escape(repr(next(iter(wrong.values()))))}"):
+        held_row(Told, 1).take({0: sample})
 
 
 def scans(count, worlds, seed=3):

@@ -8,13 +8,14 @@ import pytest
 
 import swath
 from swath.control.speed.constant import ConstantSpeed, Params
-from swath.core.blocks import Block, Pile
+from swath.core.blocks import Block, Pile, Seen
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.frozen import frozen
+from swath.core.rows import held_row, row_like
 from swath.core.signal import Signal
-from swath.core.together import InWorlds, Samples, Sent
-from swath.record.digest import Columns, sample_bytes
+from swath.core.together import InWorlds, Samples
+from swath.record.digest import Digest, sample_bytes
 from swath.signals import CropEdge, CropFlow, MachineState, Scan, SpeedCommand, SteerCommand
 from swath.signals.objects import objects_of
 
@@ -169,9 +170,13 @@ def test_worlds_with_faults_are_the_same_alone(sets, vary):
 
 def test_samples_of_several_times_are_refused_where_worlds_run():
     edges = [CropEdge(t, 0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0) for t in (5, 9, 9)]
-    assert Samples.joined(edges, [False, True, True]).t == 9
+    row = held_row(CropEdge, 3)
+    row.take({1: edges[1], 2: edges[2]})
+    assert row.t == 9
+    row.take(dict(enumerate(edges)))
+    assert [row.view(world).t for world in range(3)] == [5, 9, 9]
     with pytest.raises(SwathError, match=r"t = 5 ns in one world, 9 ns in another.*together=1"):
-        Samples.joined(edges)
+        assert row.stacked.t
 
 
 def test_arrays_of_different_lengths_go_in_step():
@@ -352,16 +357,21 @@ def drawn_signals(rng, worlds):
 def test_the_digest_takes_in_the_same_bytes(seed):
     rng = np.random.default_rng(seed)
     for signals in drawn_signals(rng, 3):
-        samples = Samples.joined(signals)
-        pile = Pile("combine.x", "out", Sent(samples))
-        for k in range(20):
-            assert pile.add(k, 9 + k, Sent(samples))
-        rows = Columns(pile).bytes_of(pile)
-        assert rows.shape[:2] == (20, 3)
-        for k, row in np.ndindex(20, 3):
-            assert rows[k, row].tobytes() == sample_bytes("combine.x", "out", 9 + k, signals[row])
-            same = Block(pile, row).sample(k)
-            assert sample_bytes("a", "b", 7, same) == sample_bytes("a", "b", 7, signals[row])
+        rows = [held_row(type(signals[0]), 3)]
+        if not isinstance(signals[0], RowsStand):  # which does not say what numbers its array holds
+            rows.append(row_like(signals[0], 3))
+        for row in rows:
+            row.take(dict(enumerate(signals)))
+            pile = Pile("combine.x", "out", row)
+            for k in range(20):
+                pile.trail.append(9 + k, k)
+            for world, signal in enumerate(signals):
+                taken, added, block = Digest(), Digest(), Block(pile, world)
+                taken.take(Seen([block]))
+                for k in range(20):
+                    added.add("combine.x", "out", 9 + k, signal)
+                assert taken.hex == added.hex
+                assert sample_bytes("a", "b", 7, block.sample(7)) == sample_bytes("a", "b", 7, signal)
 
 
 @pytest.mark.parametrize("seed", range(2))

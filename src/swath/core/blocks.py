@@ -6,7 +6,6 @@ end of a beat and before it is asked for anything (`look`). How long a beat is c
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
@@ -14,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.ability import ByMembers
-from swath.core.rows import HEAD, Row, Spare, Trail
+from swath.core.rows import HEAD, Row, Spare, Trail, row_with
 from swath.core.signal import Signal
-from swath.core.together import Samples, Sent, plain
+from swath.core.together import field_of, plain
 
 ROOM = 16  # samples of an output for which there is memory at first
 Wire = tuple[str, str]
@@ -74,11 +73,8 @@ def no_look() -> None:
 
 
 class Pile:
-    """What an output sent in every world, as long as it comes in one form.
+    """What an output sent in every world, as long as it is one row. trail: the samples; some room may follow.
 
-    arrays: by field, (room, worlds, ...), where it came in arrays; alike: fields of all samples
-    each: samples of all worlds otherwise
-    trail: of a row, whose memory the arrays then are
     rows: their bytes, (samples, worlds, size), once somebody has made them
     """
 
@@ -86,121 +82,41 @@ class Pile:
         self,
         slot: str,
         output: str,
-        sent: Sent,
+        row: Row,
         room: int = ROOM,
         head: Ints | None = None,
         spare: Spare | None = None,
     ) -> None:
-        self.slot, self.output, self.kind = slot, output, sent.kind
-        self._orders: list[int] = []  # `list[int]()` takes twenty times as long
-        self._times: list[int] = []
-        self._stamps: list[int] = []
-        self._count: int | None = None
-        self._arrays: dict[str, NDArray[Any]] = {}
-        self.alike: Mapping[str, Any] = {}
-        self.each: list[Sequence[Signal]] = []
+        self.slot, self.output, self.kind, self.row = slot, output, row.kind, row
+        self.trail, self._count = Trail(row, room, head, spare), -1
         self.rows: NDArray[np.uint8] | None = None
-        self.trail: Trail | None = None
-        if sent.is_of_all:
-            samples = sent.all
-            self.alike = samples.alike
-            if isinstance(samples, Row):
-                self.trail = Trail(samples, room, head, spare)
-            else:
-                self._arrays = {k: np.empty((room, *a.shape), a.dtype) for k, a in samples.arrays.items()}
-
-    def add(self, order: int, t: int, sent: Sent) -> bool:
-        """Take in a sample; False where it has another form."""
-        if self.trail is not None:
-            if not sent.is_of_all or sent.all is not self.trail.row:
-                return False
-            self.trail.append(t, order)
-            return True
-        k = len(self._orders)
-        if not sent.is_of_all:
-            if self._arrays or sent.kind is not self.kind:
-                return False
-            self.each.append(sent.each)
-            self._stamps.append(0)
-        else:
-            samples = sent.all
-            if isinstance(samples, Row) or not self._fits(samples):
-                return False
-            if k == len(next(iter(self._arrays.values()))):
-                self._arrays = {n: np.concatenate([a, np.empty_like(a)]) for n, a in self._arrays.items()}
-            for name, array in samples.arrays.items():
-                self._arrays[name][k] = array
-            self._stamps.append(samples.t)
-        self._orders.append(order)
-        self._times.append(t)
-        return True
 
     def close(self) -> None:
         """No more come."""
-        self._count = self.count
+        self._count = self.trail.count
 
     @property
     def count(self) -> int:
         """How many samples there are of each world."""
-        if self._count is not None:
-            return self._count
-        return len(self._orders) if self.trail is None else self.trail.count
-
-    @property
-    def orders(self) -> Sequence[int] | Ints:
-        """Place of each among all samples that were sent."""
-        return self._orders if self.trail is None else self.trail.orders[: self.count]
-
-    @property
-    def times(self) -> Sequence[int] | Ints:
-        """When each was sent [ns]."""
-        return self._times if self.trail is None else self.trail.times[: self.count]
-
-    @property
-    def stamps(self) -> Sequence[int] | Ints:
-        """The `t` of each [ns], where it came in arrays."""
-        return self._stamps if self.trail is None else self.trail.stamps[: self.count]
-
-    @property
-    def arrays(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays by field, first axis the sample; some room may follow."""
-        if self.trail is not None and not self._arrays:
-            memory = self.trail.memory
-            found = {name: memory[name] for name in self.trail.row.arrays}
-            if self._count is None:  # the memory may still move
-                return found
-            self._arrays = found
-        return self._arrays
+        return self.trail.count if self._count < 0 else self._count
 
     def array(self, name: str) -> NDArray[Any]:
-        """One of these."""
-        return self.arrays[name] if self.trail is None or self._arrays else self.trail.memory[name]
+        """A field, (samples, worlds, ...)."""
+        found: NDArray[Any] = self.trail.memory[name][: self.count]
+        return found
 
     @property
     def worlds(self) -> int:
         """Number of worlds."""
-        return len(self.each[0]) if self.each else next(iter(self.arrays.values())).shape[1]
+        return len(self.row.memory)
 
     def last(self, name: str, worlds: Sequence[int]) -> NDArray[Any]:
         """A field of the newest sample in some worlds, (n, ...)."""
         k = self.count - 1
-        if self.each:
-            return np.array([plain(getattr(self.each[k][world], name)) for world in worlds])
-        if name == "t":
-            return np.full(len(worlds), self.stamps[k])
-        newest: NDArray[Any] = self.array(name)[k]
+        if name not in self.row.names:
+            return np.full(len(worlds), self.trail.stamps[k])
+        newest: NDArray[Any] = self.trail.memory[name][k]
         return newest if len(worlds) == len(newest) else newest[worlds]
-
-    def _fits(self, samples: Samples) -> bool:
-        if samples.kind is not self.kind or samples.arrays.keys() != self._arrays.keys():
-            return False
-        alike = samples.alike
-        if alike is not self.alike and not (
-            alike.keys() == self.alike.keys() and all(v is self.alike[k] for k, v in alike.items())
-        ):
-            return False
-        pairs = ((a, self._arrays[name]) for name, a in samples.arrays.items())
-        return all(a.shape == held.shape[1:] and a.dtype == held.dtype for a, held in pairs)
 
 
 class Block:
@@ -215,27 +131,24 @@ class Block:
     @cached_property
     def orders(self) -> Ints:
         """Place of each among all samples that were sent."""
-        return np.array(self.pile.orders[: self._count], np.int64)
+        return self.pile.trail.orders[: self._count]
 
     @cached_property
     def times(self) -> Ints:
         """When each was sent [ns]."""
-        return np.array(self.pile.times[: self._count], np.int64)
+        return self.pile.trail.times[: self._count]
 
     @cached_property
     def is_even(self) -> bool:
-        """Whether they came in arrays, of numbers or flags."""
-        return not self.pile.each and all(a.dtype != object for a in self.pile.arrays.values())
+        """Whether all fields are numbers, flags or arrays of one size."""
+        return not self.pile.row.has_objects
 
     def __len__(self) -> int:
         return self._count
 
     def last(self, name: str) -> Any:
         """A field of the newest."""
-        pile, k = self.pile, self._count - 1
-        if pile.each:
-            return plain(getattr(pile.each[k][self.world], name))
-        return int(pile.stamps[k]) if name == "t" else pile.array(name)[k, self.world]
+        return self.pile.last(name, [self.world])[0]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A field, (k, ...); a pose as (k, 12): position, then rows of the rotation."""
@@ -246,25 +159,21 @@ class Block:
 
     def sample(self, k: int) -> Any:
         """One of them."""
-        pile, world, k = self.pile, self.world, k % self._count
-        if pile.each:
-            return pile.each[k][world]
-        arrays = {name: array[k, world : world + 1] for name, array in pile.arrays.items()}
-        return Samples(pile.kind, int(pile.stamps[k]), arrays, pile.alike).each()[0]
+        trail, world, k = self.pile.trail, self.world, k % self._count
+        return trail.row.made(trail.memory[k, world : world + 1], int(trail.stamps[k]))[0]
 
     def before(self, orders: Ints) -> Ints:
         """The newest of these when others were sent, -1 where there was none."""
         return np.searchsorted(self.orders, orders, side="right") - 1
 
     def _column(self, name: str) -> NDArray[Any]:
-        pile, count = self.pile, self._count
-        if pile.each:
-            return np.array([plain(getattr(each[self.world], name)) for each in pile.each[:count]])
+        trail, count = self.pile.trail, self._count
+        if name in trail.row.names:
+            found: NDArray[Any] = trail.memory[name][:count, self.world]
+            return found if found.dtype != object else np.array(found.tolist())
         if name == "t":
-            return np.array(pile.stamps[:count], np.int64)
-        if name in pile.arrays:
-            return pile.arrays[name][:count, self.world]
-        value = pile.alike.get(name, next((f.default for f in fields(pile.kind) if f.name == name), None))
+            return trail.stamps[:count]
+        value = field_of(trail.row, name)
         return np.broadcast_to(np.asarray(value), (count, *np.shape(value)))
 
 
@@ -304,9 +213,8 @@ class Seen:
         """One sample of each output that a slot sent at t [ns]."""
         blocks = []
         for output, signal in outputs.items():
-            sent = Sent(None, [signal])
-            pile = Pile(slot, output, sent)
-            pile.add(0, t, sent)
+            pile = Pile(slot, output, row_with(signal), 1)
+            pile.trail.append(t)
             blocks.append(Block(pile, 0))
         return cls(blocks)
 
@@ -347,7 +255,7 @@ class Shown(Mapping[str, Signal]):
 
     __slots__ = ("_blocks", "_sent", "_world")
 
-    def __init__(self, sent: Mapping[str, Sent], world: int, blocks: "Blocks | None" = None) -> None:
+    def __init__(self, sent: Mapping[str, Row], world: int, blocks: "Blocks | None" = None) -> None:
         self._sent, self._world, self._blocks = sent, world, blocks
 
     def waiting(self, kind: type[Signal], machine: str) -> Block | None:
@@ -362,7 +270,8 @@ class Shown(Mapping[str, Signal]):
         return output in self._sent
 
     def __getitem__(self, output: str) -> Signal:
-        return self._sent[output].each[self._world]
+        signal: Signal = self._sent[output].view(self._world)
+        return signal
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._sent)
@@ -376,7 +285,7 @@ class Shown(Mapping[str, Signal]):
 
     def samples(self, kind: type[S]) -> list[S]:
         """The samples of a type."""
-        found: list[Any] = [s.each[self._world] for s in self._sent.values() if issubclass(s.kind, kind)]
+        found: list[Any] = [r.view(self._world) for r in self._sent.values() if issubclass(r.kind, kind)]
         return found
 
     def number(self, kind: type[Signal], name: str) -> Any:
@@ -391,7 +300,7 @@ class ShownToAll:
     """The same in several worlds. worlds: their numbers."""
 
     def __init__(
-        self, sent: Mapping[str, Sent], worlds: Sequence[int], blocks: "Blocks | None" = None
+        self, sent: Mapping[str, Row], worlds: Sequence[int], blocks: "Blocks | None" = None
     ) -> None:
         self._sent, self.worlds, self._blocks = sent, worlds, blocks
 
@@ -400,7 +309,7 @@ class ShownToAll:
         """What a slot sent in one world."""
         if isinstance(outputs, Shown):
             return outputs.to_all()
-        return cls({output: Sent(None, [signal]) for output, signal in outputs.items()}, [0])
+        return cls({output: row_with(signal) for output, signal in outputs.items()}, [0])
 
     def of(self, k: int) -> Shown:
         """The samples of the k-th of these worlds."""
@@ -427,7 +336,11 @@ class ShownToAll:
     def newest(self, kind: type[Signal], machine: str) -> Pile | None:
         """Where the newest that nobody has looked at lies; None = nowhere."""
         piles = () if self._blocks is None else self._blocks.piles(kind, machine)
-        return max((pile for pile in piles if pile.count), key=lambda pile: pile.orders[-1], default=None)
+        return max(
+            (pile for pile in piles if pile.count),
+            key=lambda pile: pile.trail.orders[pile.count - 1],
+            default=None,
+        )
 
 
 def number_of(outputs: Mapping[str, Signal], kind: type[Signal], name: str) -> Any:
@@ -458,14 +371,14 @@ class Blocks:
         self._asked: dict[tuple[type[Signal], str], list[Pile]] = {}  # of `piles`
         self.order = np.zeros(1, np.int64)
 
-    def add(self, slot: str, t: int, outputs: Mapping[str, Sent]) -> None:
+    def add(self, slot: str, t: int, outputs: Mapping[str, Row]) -> None:
         """What a slot sent at t [ns]."""
         order = int(self.order[0]) + 1
         self.order[0] = order
-        for output, sent in outputs.items():
+        for output, row in outputs.items():
             piles = self._piles.get((slot, output))
-            if not piles or not piles[-1].add(order, t, sent):
-                self._begin(slot, output, sent).add(order, t, sent)
+            pile = piles[-1] if piles and piles[-1].row is row else self._begin(slot, output, row)
+            pile.trail.append(t, order)
 
     def head(self, wire: Wire) -> Ints:
         """The array by which compiled code knows the trail of an output, for life."""
@@ -474,11 +387,10 @@ class Blocks:
     def reserve(self, wire: Wire, row: Row, more: int) -> None:
         """A trail of a row with room for so many more samples."""
         piles = self._piles.get(wire)
-        trail = piles[-1].trail if piles else None
-        if trail is None or trail.row is not row:
-            self._begin(*wire, Sent(row), more)
+        if piles and piles[-1].row is row:
+            piles[-1].trail.reserve(more)
         else:
-            trail.reserve(more)
+            self._begin(*wire, row, more)
 
     def take(self) -> list[Pile]:
         """Take everything; from now on it is empty."""
@@ -503,16 +415,15 @@ class Blocks:
             self._asked[kind, machine] = piles
         return piles
 
-    def _begin(self, slot: str, output: str, sent: Sent, room: int = ROOM) -> Pile:
+    def _begin(self, slot: str, output: str, row: Row, room: int = ROOM) -> Pile:
         """Another pile of an output."""
         wire = slot, output
         piles = self._piles.setdefault(wire, [])
         if piles:
             piles[-1].close()
         machine = slot.partition(".")[0]
-        for key in [(kind, of) for kind, of in self._asked if of == machine and issubclass(sent.kind, kind)]:
+        for key in [(kind, of) for kind, of in self._asked if of == machine and issubclass(row.kind, kind)]:
             del self._asked[key]
-        is_row = sent.is_of_all and isinstance(sent.all, Row)
-        head, spare = (self.head(wire), self._spare.setdefault(wire, Spare())) if is_row else (None, None)
-        piles.append(Pile(slot, output, sent, max(room, self._rooms.get(wire, 0)), head, spare))
+        spare = self._spare.setdefault(wire, Spare())
+        piles.append(Pile(slot, output, row, max(room, self._rooms.get(wire, 0)), self.head(wire), spare))
         return piles[-1]

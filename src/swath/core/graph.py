@@ -19,14 +19,15 @@ from swath.core.foreign_code import of_exit
 from swath.core.onlookers import Audience, Onlookers, audiences
 from swath.core.ops import Goal, Member, Op, Program, Queue, Source
 from swath.core.random import Stream
-from swath.core.rows import Row, Trail, can_be_row, row_of
+from swath.core.rows import Row, Trail, held_row, row_with
 from swath.core.schedule import Plan, Slot, make_plan
 from swath.core.signal import Signal
-from swath.core.together import EndsWorlds, InWorlds, Sent, StepsTogether, Together, takes_all
+from swath.core.together import EndsWorlds, InWorlds, Samples, StepsTogether, Together, takes_all
 
 Wire = tuple[str, str]
 Ints = NDArray[np.int64]
 SOME = 64  # samples for which a trail has room at first
+Given = Samples | Mapping[int, Signal]  # what an output sent: in all worlds, or in some by their numbers
 Observer = Callable[[str, int, Mapping[str, Signal]], None]
 
 
@@ -129,8 +130,8 @@ class Graph:
 
     def latest(self, slot: str, output: str) -> Signal | None:
         """The newest sample of an output, None before there is one."""
-        sent = self.lockstep.newest((slot, output))
-        return None if sent is None else sent.of(self.lockstep.place(self))
+        row = self.lockstep.newest((slot, output))
+        return None if row is None else row.view(self.lockstep.place(self))
 
     def exchange(
         self,
@@ -260,10 +261,10 @@ class _Rank:
         batch: Any = self.batch
         return isinstance(batch, Op) and batch.walks and not self.checks
 
-    def reset(self, streams: Sequence[Stream]) -> dict[str, Sent]:
+    def reset(self, streams: Sequence[Stream]) -> Mapping[str, Given]:
         """Outputs valid at t = 0."""
         if self.batch is not None and len(self.parts) > 1:
-            return {name: Sent(samples) for name, samples in self.batch.reset(streams).items()}
+            return self.batch.reset(streams)
         each: list[Outputs] = []
         for node, stream in zip(self.nodes, streams, strict=True):
             made = node.component.reset(stream)
@@ -274,7 +275,8 @@ class _Rank:
             each.append(made)
         if len(self.parts) == 1 and not self.slot.latch and len(self.checks) == bool(self.nodes[0].fault):
             self.batch = self._batch()  # which a part that goes in worlds has made anew
-        return {name: Sent(None, [own[name] for own in each]) for name in each[0]}
+        own: Mapping[str, Given] = self.batch.sent if isinstance(self.batch, Op) else {}
+        return {name: own.get(name) or by_world(dict(enumerate(each)), name) for name in each[0]}
 
     def reasons(self, going: Sequence[int], t: int) -> Mapping[int, str]:
         """Why worlds are to end before the tick at t [ns]."""
@@ -297,26 +299,31 @@ class _Rank:
                 given = type(signal).__name__
                 raise WiringError(f"{self.name}.{output}: gave a {given}, expected a {kind.__name__}")
 
-    def newest(self, latest: Mapping[Wire, Sent], world: int) -> dict[str, Any]:
+    def newest(self, latest: Mapping[Wire, Row], world: int) -> dict[str, Any]:
         """Inputs of one world; whoever asks for those of the last one clears `queues`."""
         found: dict[str, Any] = {}
         for name, wire in self.wires:
-            sent = latest.get(wire) if wire is not None else None
-            found[name] = None if sent is None else sent.each[world]
+            row = latest.get(wire) if wire is not None else None
+            found[name] = None if row is None else row.view(world)
         for name, queue in self.queues.items():
-            found[name] = tuple([sent.each[world] for sent in queue.waiting()])
+            found[name] = tuple([row.view(world) for row in queue.waiting()])
         return found
 
-    def newest_of_all(self, latest: Mapping[Wire, Sent]) -> dict[str, Any]:
+    def newest_of_all(self, latest: Mapping[Wire, Row]) -> dict[str, Any]:
         """Inputs of all worlds at once."""
         found: dict[str, Any] = {}
         for name, wire in self.wires:
-            sent = latest.get(wire) if wire is not None else None
-            found[name] = None if sent is None else sent.all
+            row = latest.get(wire) if wire is not None else None
+            found[name] = None if row is None else row.stacked
         for name, queue in self.queues.items():
-            found[name] = tuple(sent.all for sent in queue.waiting())
+            found[name] = tuple(row.stacked for row in queue.waiting())
             queue.clear()
         return found
+
+
+def by_world(made: Mapping[int, Outputs], output: str) -> dict[int, Signal]:
+    """An output of what parts of some worlds gave."""
+    return {world: own[output] for world, own in made.items()}
 
 
 class Lockstep:
@@ -343,12 +350,12 @@ class Lockstep:
         self._looked_at: list[tuple[int, Audience]] | None = None  # ops, by place
         self._enders: list[tuple[int, EndsRun]] | None = None  # who looks on, by world
         self._has_news = True  # for them, since they were asked last
-        self._latest: dict[Wire, Sent] = {}
-        self._before: dict[Wire, Sent] = {}
+        self._latest: dict[Wire, Row] = {}
+        self._before: dict[Wire, Row] = {}
         self._ranks: list[_Rank] = []
         self._program: Program | None = None
         self._until, self._has_room = 0, False  # the next look [ns]; room for what ops send until then
-        self._rows: dict[Wire, Row] = {}  # of what parts in Python send to ops
+        self._linked: set[Wire] = set()  # what ops read that parts in Python send
         self._sources: dict[Wire, list[Source]] = {}  # of what comes to inputs with a history by a trail
         self.connect()
         for graph in graphs:
@@ -506,10 +513,9 @@ class Lockstep:
     def reached(self, goal: Goal) -> NDArray[np.bool_]:
         """Worlds that have reached a goal."""
         found = np.zeros(len(self.graphs), np.bool_)
-        for wire in goal.wires:
-            sent = self._latest.get(wire)
-            if sent is not None and goal.name in sent.names:
-                found |= np.asarray(sent.values(goal.name)) >= goal.least
+        for row in (self._latest.get(wire) for wire in goal.wires):
+            if row is not None and goal.name in row.arrays:
+                found |= row.arrays[goal.name] >= goal.least
         return found
 
     def _span(self, program: Program, number: int, base: int, until: int) -> int:
@@ -530,7 +536,7 @@ class Lockstep:
     def _sleeps(self, program: Program) -> Iterator[tuple[int, int]]:
         """Places of ops that somebody looks at, and from when on [ns] each sample has to be shown."""
         if self._looked_at is None:
-            every = ((place, [row.kind for _, row in sends]) for place, sends in program.sends.items())
+            every = ((place, [row.kind for row in sends.values()]) for place, sends in program.sends.items())
             seen = ((place, self._seen_by(self._ranks[place], kinds)) for place, kinds in every)
             self._looked_at = [(place, audience) for place, own in seen for audience in own]
         for place, audience in self._looked_at:
@@ -547,7 +553,7 @@ class Lockstep:
         """All that is due at a tick: parts in Python one by one, ops between them by compiled code."""
         t = base + program.times[number]
         if self._latches:
-            self._before = {wire: sent.kept() for wire, sent in self._latest.items()}
+            self._before = {wire: row.kept() for wire, row in self._latest.items()}
         ranks = self._ranks
         if t <= program.begun or not program.members:
             for index in self.plan.ticks[number][1]:
@@ -570,8 +576,7 @@ class Lockstep:
                     self._go(program, number, number + 1, base, (first, end))
                     self._follow(program, t, program.places[first:end])
                     if (place := program.places[end - 1]) in awake and self.going:
-                        sent = {wire[1]: self._latest[wire] for wire, _ in program.sends[place]}
-                        self._show(ranks[place], t, sent)
+                        self._show(ranks[place], t, program.sends[place])
                 first = end
 
     def _go(
@@ -615,17 +620,17 @@ class Lockstep:
     def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
         """What ops sent is the newest there is; who follows them learns of it."""
         for place in places:
-            for wire, row in program.sends[place]:
-                self._latest[wire] = Sent(row)
+            for row in program.sends[place].values():
+                row.renew()
             if self._followers and (rank := self._ranks[place]).name in self._followers:
-                self._tell(rank, t, {wire[1]: self._latest[wire] for wire, _ in program.sends[place]})
+                self._tell(rank, t, program.sends[place])
 
-    def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
+    def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Row]) -> None:
         """Show what a slot sent to those who look at it at its time."""
-        for audience in self._seen_by(rank, [sent.kind for sent in outputs.values()]):
+        for audience in self._seen_by(rank, [row.kind for row in outputs.values()]):
             self._has_news |= audience.show(rank.name, t, outputs, self.blocks) and audience.may_end
 
-    def _tell(self, rank: "_Rank", t: int, outputs: Mapping[str, Sent]) -> None:
+    def _tell(self, rank: "_Rank", t: int, outputs: Mapping[str, Row]) -> None:
         """Tell who follows a slot of its newest sample."""
         for world, follow in self._followers.get(rank.name, ()):
             if self.active[world]:
@@ -659,7 +664,9 @@ class Lockstep:
             for output, row in op.sent.items():
                 wire = rank.name, output
                 keeps[output] = [self.blocks.head(wire)] if self._takes(rank.name, row.kind) else []
-                self._hold(wire, row)
+                if (latest := self._latest[wire]) is not row:
+                    row.take(latest.stacked)
+                    self._latest[wire] = row
                 in_python = [q for q in self._readers.get(wire, ()) if q.source is None]
                 if in_python:
                     self._follow_trail(wire, Source(Trail(row, SOME)), in_python)
@@ -670,13 +677,17 @@ class Lockstep:
     def _link(self, name: str, ops: Mapping[str, Any], clock: Ints) -> bool:
         """Let an op read where its inputs lie; False where that cannot be."""
         rank = self._names[name]
-        rows = {port: self._row(ops, wire) for port, wire in rank.wires if wire is not None}
-        heard = {port: self._like(ops, wire) for port, wire in rank.sources.items()}
-        known = {port: row for port, row in {**rows, **heard}.items() if row is not None}
-        if len(known) < len(rows) + len(heard):
+        every = {port: wire for port, wire in [*rank.wires, *rank.sources.items()] if wire is not None}
+        rows = {port: self._row(ops, wire) for port, wire in every.items()}
+        known = {port: row for port, row in rows.items() if row is not None}
+        if len(known) < len(rows):
             return False
         trails, op = {}, ops[name]
-        for port, row in ((port, known[port]) for port in heard):
+        self._linked.update(every.values())
+        for row in known.values():
+            row.check()
+        for port in rank.sources:
+            row = known[port]
             sender = self._names[rank.sources[port][0]]
             waiting = rank.queues[port].waiting()
             room = len(waiting) + rank.slot.period // sender.slot.period + 2
@@ -697,36 +708,10 @@ class Lockstep:
             queue.follow(source)
 
     def _row(self, ops: Mapping[str, Any], wire: Wire) -> Row | None:
-        """Where the newest sample of an output lies; None where it is not of numbers."""
+        """Where the newest sample of an output lies; None where compiled code cannot read it."""
         slot, output = wire
-        if slot in ops:
-            row: Row = ops[slot].sent[output]
-            return row
-        if wire not in self._rows and (like := self._like(ops, wire)) is not None:
-            self._rows[wire] = like
-            if (sent := self._latest[wire]).all is not like:
-                like.take(sent.all)
-        return self._rows.get(wire)
-
-    def _like(self, ops: Mapping[str, Any], wire: Wire) -> Row | None:
-        """A row of its form; its sender's own, where that has one."""
-        slot, output = wire
-        if slot in ops:
-            row: Row = ops[slot].sent[output]
-            return row
-        sent = self._latest.get(wire)
-        if sent is None or slot not in self._names:
-            return None
-        if sent.is_of_all and isinstance(sent.all, Row):
-            return sent.all
-        return row_of(sent.kind, len(self.graphs)) if can_be_row(sent.kind) else None
-
-    def _hold(self, wire: Wire, row: Row) -> None:
-        """A row holds the newest sample."""
-        sent = self._latest[wire]
-        if not sent.is_of_all or sent.all is not row:
-            row.take(sent.all)
-            self._latest[wire] = Sent(row)
+        row: Row | None = ops[slot].sent[output] if slot in ops else self._latest.get(wire)
+        return None if row is None or row.has_objects or slot not in self._names else row
 
     def _dismiss(self) -> None:
         """Forget the program; what waits at inputs waits on."""
@@ -739,7 +724,7 @@ class Lockstep:
         for source in (source for sources in self._sources.values() for source in sources):
             for queue in source.readers:
                 queue.follow(None)
-        self._rows, self._sources = {}, {}
+        self._linked, self._sources = set(), {}
 
     def _count_steps(self) -> None:
         """What the steps of ops took, into the costs of their slots."""
@@ -784,7 +769,7 @@ class Lockstep:
         if self.errors:
             raise self.errors.pop(0)
 
-    def newest(self, wire: Wire) -> Sent | None:
+    def newest(self, wire: Wire) -> Row | None:
         """The newest samples of an output; those of worlds that have ended mean nothing."""
         return self._latest.get(wire)
 
@@ -794,7 +779,7 @@ class Lockstep:
 
     def put(self, wire: Wire, sample: Signal) -> None:
         """A sample from outside, for a graph alone."""
-        self._arrive(wire, Sent(None, [sample]))
+        self._arrive(wire, {0: sample})
 
     def take_out(self, world: int) -> None:
         """Its graph is alone from now on: what it sent last stays, and it can be finished."""
@@ -823,7 +808,7 @@ class Lockstep:
                 if (fault := rank.nodes[0].fault) is not None:
                     made = fault.pass_on(self.t, made)
                 rank.check(made)
-                self._send(rank, self.t, {name: Sent(None, [signal]) for name, signal in made.items()})
+                self._send(rank, self.t, {name: {0: signal} for name, signal in made.items()})
         self.look()
 
     def save(self, world: int = 0) -> State:
@@ -831,18 +816,18 @@ class Lockstep:
         every = ((rank.name, port, queue) for rank in self._ranks for port, queue in rank.queues.items())
         return {
             "t": self.graphs[world].t,
-            "latest": {wire: sent.of(world) for wire, sent in self._latest.items()},
-            "queues": {(name, port): [s.of(world) for s in queue.waiting()] for name, port, queue in every},
+            "latest": {wire: row.view(world) for wire, row in self._latest.items()},
+            "queues": {(name, port): [r.view(world) for r in queue.waiting()] for name, port, queue in every},
         }
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Back to it, of a graph alone."""
         self._dismiss()
         self.t = self.graphs[0].t = state["t"]
-        self._latest = {wire: Sent(None, [sample]) for wire, sample in state["latest"].items()}
+        self._latest = {wire: row_with(sample) for wire, sample in state["latest"].items()}
         for rank in self._ranks:
             for port, queue in rank.queues.items():
-                queue.set([Sent(None, [sample]) for sample in state["queues"][rank.name, port]])
+                queue.set([row_with(sample) for sample in state["queues"][rank.name, port]])
 
     def _ended_before(self, t: int) -> list[int]:
         """Worlds that end before the tick at t [ns]; their graphs know why."""
@@ -879,15 +864,14 @@ class Lockstep:
 
     def _step(self, rank: _Rank, t: int) -> None:
         period, batch = rank.slot.period, rank.batch
-        outputs: dict[str, Sent]
+        outputs: Mapping[str, Given]
         started, PRESENT.part = time.perf_counter(), rank.name
         if batch is None:
             outputs = self._step_each(rank, t, period)
         else:
-            made = batch.step(t - period, period, rank.newest_of_all(self._latest))
+            outputs = batch.step(t - period, period, rank.newest_of_all(self._latest))
             if batch.errors:
                 self._fail(batch.errors)
-            outputs = {name: Sent(samples) for name, samples in made.items()}
             if rank.checks:
                 self._check(rank, t, outputs)
         PRESENT.part = None
@@ -896,19 +880,19 @@ class Lockstep:
         if self.going:
             self._send(rank, t, outputs)
 
-    def _check(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
+    def _check(self, rank: _Rank, t: int, outputs: Mapping[str, Samples]) -> None:
         """Look at the samples of a part that is not swath's own, in every world."""
         wrong: dict[int, Exception] = {}
         for world in self.going:
             if (fault := rank.nodes[world].fault) is not None:
                 try:
-                    fault.pass_on(t, {name: sent.each[world] for name, sent in outputs.items()})
+                    fault.pass_on(t, {name: samples.of(world) for name, samples in outputs.items()})
                 except SwathError as error:
                     wrong[world] = error
         if wrong:
             self._fail(wrong)
 
-    def _step_each(self, rank: _Rank, t: int, period: int) -> dict[str, Sent]:
+    def _step_each(self, rank: _Rank, t: int, period: int) -> Mapping[str, Given]:
         """Step the parts of a slot world by world."""
         made: dict[int, Outputs] = {}
         for world in self.going:
@@ -926,15 +910,7 @@ class Lockstep:
             queue.clear()
         if len(made) < len(self.going):
             self._fail({world: self.errors[world] for world in self.going if world not in made})
-        if len(self.graphs) == 1:
-            return {name: Sent(None, [signal]) for name, signal in made.get(0, {}).items()}
-        return {name: self._joined(rank, name, made) for name in next(iter(made.values()), {})}
-
-    def _joined(self, rank: _Rank, output: str, made: Mapping[int, Outputs]) -> Sent:
-        """An output of all worlds; of one that has ended its last sample stays."""
-        last = self._latest[rank.name, output]
-        each = [made[w][output] if w in made else last.of(w) for w in range(len(self.graphs))]
-        return Sent(None, each, self.active)
+        return {name: by_world(made, name) for name in next(iter(made.values()), {})}
 
     def _inputs(self, rank: _Rank, world: int) -> dict[str, Any]:
         return rank.newest(self._before if rank.slot.latch else self._latest, world)
@@ -946,32 +922,38 @@ class Lockstep:
         self._failed += failed
         self.stop(failed)
 
-    def _send(self, rank: _Rank, t: int, outputs: Mapping[str, Sent]) -> None:
+    def _send(self, rank: _Rank, t: int, outputs: Mapping[str, Given]) -> None:
         """Publish what a slot gave at t in every world."""
-        for output, sent in outputs.items():
-            self._arrive(rank.sends[output][1], sent)
-        self.blocks.add(rank.name, t, {o: s for o, s in outputs.items() if self._takes(rank.name, s.kind)})
+        rows = {output: self._arrive(rank.sends[output][1], given) for output, given in outputs.items()}
+        self.blocks.add(rank.name, t, {o: r for o, r in rows.items() if self._takes(rank.name, r.kind)})
         if rank.name in self._followers:
-            self._tell(rank, t, outputs)
-        self._show(rank, t, outputs)
+            self._tell(rank, t, rows)
+        self._show(rank, t, rows)
 
-    def _arrive(self, wire: Wire, sent: Sent) -> None:
-        """The newest sample of an output: who reads it has it from now on."""
-        if wire not in self._latest:  # what reads it can be linked to it from now on
+    def _arrive(self, wire: Wire, given: Given) -> Row:
+        """The newest sample of an output: who reads it has it from now on; where it lies."""
+        row = latest = self._latest.get(wire)
+        if isinstance(given, Row):
+            row = given
+            row.renew()
+        else:
+            kind = given.kind if isinstance(given, Samples) else type(next(iter(given.values())))
+            if row is None or row.kind is not kind or not row.is_held:
+                row = held_row(kind, len(self.graphs))
+            row.take(given)
+        if row is not latest:  # what reads it has to be linked to it
             self._dismiss()
-        self._latest[wire] = sent
-        row = self._rows.get(wire)
-        if row is not None and not (sent.is_of_all and sent.all is row):
-            row.take(sent.all)
+            self._latest[wire] = row
+        if wire in self._linked:
+            row.check()
         if sources := self._sources.get(wire):
             if any(source.is_full for source in sources):
                 self._dismiss()
             for source in self._sources.get(wire, ()):
-                source.take(sent)
-        if queues := [queue for queue in self._readers.get(wire, ()) if queue.source is None]:
-            kept = sent.kept()
-            for queue in queues:
-                queue.append(kept)
+                source.take(row)
+        for queue in (queue for queue in self._readers.get(wire, ()) if queue.source is None):
+            queue.append(row.kept())
+        return row
 
     def _forget_audience(self) -> None:
         """Other worlds run, or others look on."""

@@ -6,8 +6,8 @@ from typing import Any
 
 from swath.core.abilities import EndsRun
 from swath.core.blocks import Blocks, Looker, LooksOn, Shown, ShownToAll, TakesBlocks, TakesSome
+from swath.core.rows import Row
 from swath.core.signal import Signal
-from swath.core.together import Sent
 
 Kinds = tuple[type[Signal], ...]
 _rest = attrgetter("rests_until")
@@ -31,7 +31,7 @@ class Audience:
         """Until when [ns] none of them has to be shown anything."""
         return min(map(_rest, self._parts)) if self._rests else 0
 
-    def show(self, slot: str, t: int, sent: Mapping[str, Sent], blocks: Blocks) -> bool:
+    def show(self, slot: str, t: int, sent: Mapping[str, Row], blocks: Blocks) -> bool:
         """Show what a slot sent at t [ns] to those that do not rest; whether there are any."""
         awake: Sequence[int] = range(len(self._parts))
         if self._rests:

@@ -18,7 +18,6 @@ from swath.core.ability import ByMembers
 from swath.core.errors import SwathError
 from swath.core.rows import Row, Trail
 from swath.core.schedule import Plan
-from swath.core.together import Sent
 
 Wire = tuple[str, str]
 Ints = NDArray[np.int64]
@@ -76,18 +75,18 @@ class Queue:
     """What waits at an input with a history, oldest first: samples, and those of a trail from a place on."""
 
     def __init__(self) -> None:
-        self._each: list[Sent] = []
+        self._each: list[Row] = []
         self.source: Source | None = None
         self.seen = 0
 
     def __len__(self) -> int:
         return len(self._each) + (0 if self.source is None else self.source.trail.count - self.seen)
 
-    def append(self, sent: Sent) -> None:
+    def append(self, row: Row) -> None:
         """Another one, which nobody overwrites."""
-        self._each.append(sent)
+        self._each.append(row)
 
-    def waiting(self) -> list[Sent]:
+    def waiting(self) -> list[Row]:
         """All that waits."""
         if self.source is None:
             return self._each
@@ -100,7 +99,7 @@ class Queue:
             self.seen = self.source.trail.count
             self.source.tidy()
 
-    def set(self, samples: Sequence[Sent]) -> None:
+    def set(self, samples: Sequence[Row]) -> None:
         """What waits from now on."""
         self.clear()
         self._each = [*samples]
@@ -119,26 +118,25 @@ class Source:
     def __init__(self, trail: Trail, *, is_of_op: bool = False) -> None:
         self.trail, self.is_of_op = trail, is_of_op
         self.readers: list[Queue] = []
-        self._made: list[Sent] = []  # of the oldest of the trail
+        self._made: list[Row] = []  # of the oldest of the trail
 
     @property
     def is_full(self) -> bool:
         """Whether an op's trail, whose memory cannot move, has no room."""
         return self.is_of_op and self.trail.count == len(self.trail.times)
 
-    def take(self, sent: Sent) -> None:
+    def take(self, row: Row) -> None:
         """Another one."""
-        row = self.trail.row
-        if not sent.is_of_all or sent.all is not row:
-            row.take(sent.all)
-        self.trail.append(sent.all.t)
+        if row is not self.trail.row:
+            self.trail.row.take(row.stacked)
+        self.trail.append(row.t)
 
-    def since(self, first: int) -> list[Sent]:
+    def since(self, first: int) -> list[Row]:
         """The samples of a trail from one on."""
         if self.is_of_op:  # which takes them whenever it steps
-            return [Sent(self.trail.at(k)) for k in range(first, self.trail.count)]
+            return [self.trail.at(k) for k in range(first, self.trail.count)]
         for k in range(len(self._made), self.trail.count):
-            self._made.append(Sent(self.trail.at(k)))
+            self._made.append(self.trail.at(k))
         return self._made[first:]
 
     def tidy(self) -> None:
@@ -180,13 +178,8 @@ class Program:
         self.times = [at for at, _ in plan.ticks]
         self.begun = max((slot.offset for slot in plan.slots), default=0)
         self._plan, self.by_place = plan, {member.place: member for member in members}
-        self.sends = {
-            member.place: [
-                ((plan.slots[member.place].name, output), row) for output, row in member.op.sent.items()
-            ]
-            for member in members
-        }
-        sent = {wire for sends in self.sends.values() for wire, _ in sends}
+        self.sends = {member.place: member.op.sent for member in members}
+        sent = {(plan.slots[place].name, output) for place, own in self.sends.items() for output in own}
         self._is_told = goal is not None and sent.issuperset(goal.wires)  # by the walk that a goal is reached
         self.least = np.zeros(0) if goal is None else goal.least.copy()
         self._lines: list[list[int]] = []

@@ -6,7 +6,9 @@ somebody takes them. Compiled code finds both by their addresses (`core/ops.py`)
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from functools import cache
 from math import prod
+from operator import attrgetter
 from typing import Any, NamedTuple, get_args, get_type_hints
 from weakref import finalize
 
@@ -47,35 +49,105 @@ class Row(Samples):
     """A sample in each world, the numbers of all fields in one memory that stays where it is.
 
     memory: (worlds,) of a struct with a member for each field; stamp: (1,) their time [ns]
+    names: of its members, `t` among them where each world has its own
+    apart: why samples that were sent last are not of one time, "" = they are
+    has_objects: whether members are what is no number, as it is: compiled code cannot read such a row
     """
 
     def __init__(
         self, kind: type[Signal], memory: NDArray[Any], alike: Mapping[str, Any] | None = None
     ) -> None:
         self.memory, self.stamp = memory, np.zeros(1, np.int64)
-        self._is_plain = can_be_row(kind)
-        super().__init__(kind, 0, {name: memory[name] for name in memory.dtype.names or ()}, alike)
+        self.has_objects: bool = memory.dtype.hasobject
+        self.names = memory.dtype.names or ()
+        self._is_plain = self.has_objects or can_be_row(kind)
+        self._read, self._poses, self._wholes, self._is_whole = _fields(kind, self.names)  # type: ignore[arg-type]
+        self.renew()
+        super().__init__(kind, 0, {name: memory[name] for name in self.names if name != "t"}, alike)
 
     @property
     def t(self) -> int:
-        """Time of the samples [ns]."""
+        """Time of the samples [ns]. SwathError where they are `apart`."""
+        self.check()
         return int(self.stamp[0])
 
     @t.setter
     def t(self, value: int) -> None:
         self.stamp[0] = value
 
-    def take(self, samples: Samples) -> None:
-        """Become the same as these."""
-        for name, array in self.arrays.items():
-            array[:] = field_of(samples, name)
-        self.stamp[0] = samples.t
+    def check(self) -> None:
+        """SwathError where samples are `apart`."""
+        if self.apart:
+            raise SwathError(self.apart)
+
+    @property
+    def is_held(self) -> bool:
+        """Whether any sample of its type fits, see `held_row`."""
+        return self.names[:1] == ("t",)
+
+    @property
+    def stacked(self) -> Samples:
+        """In arrays, also what is no number."""
+        return Samples.joined([self.view(w) for w in range(len(self.memory))]) if self.has_objects else self
+
+    def take(self, given: Samples | Mapping[int, Signal]) -> None:
+        """Become the same as samples of all worlds, or of some by their numbers."""
+        self.renew()
+        if isinstance(given, Samples) and not self.has_objects:
+            self.stamp[0] = given.t
+            for name in self.names:
+                self.memory[name] = given.t if name == "t" else field_of(given, name)
+            return
+        each = dict(enumerate(given.each())) if isinstance(given, Samples) else given
+        for world, signal in each.items():
+            self.put(world, signal)
+            self._views[world] = signal
+        if len(times := {signal.t for signal in each.values()}) > 1:
+            text = f"{self.kind.__name__}: t = {min(times)} ns in one world, {max(times)} ns in another"
+            how = "swath.worlds(together=1), or vectorization_mode='sync' of an environment"
+            self.apart = f"{text}: they cannot go in step; alone they can: {how}"
 
     def put(self, world: int, sample: Signal) -> None:
-        """The sample of one world."""
-        for name, array in self.arrays.items():
-            array[world] = plain(getattr(sample, name))
-        self.stamp[0] = sample.t
+        """The sample of one world. SwathError where a field does not hold what it is declared to hold."""
+        self.stamp[0], *values = self._read(sample)
+        for place in self._poses:
+            values[place] = plain(values[place])
+        try:
+            self.memory[world] = tuple(values)
+            if any(values[place] != self.memory[self.names[place]][world] for place in self._wholes):
+                raise ValueError("a part of a whole number")
+        except (TypeError, ValueError, OverflowError) as error:
+            given = {name: getattr(sample, name) for name in self.names}
+            raise SwathError(f"{self.kind.__name__}: {error}, in {given}") from error
+
+    def renew(self) -> None:
+        """Other samples lie in the memory from now on."""
+        self._views: list[Any] = [None] * len(self.memory)
+        self._kept: Row | None = None
+        self.apart = ""
+
+    def view(self, world: int) -> Any:
+        """The sample of one world, made once for all readers; of a part in Python the one that it sent."""
+        found = self._views[world]
+        if found is None:
+            found = self._views[world] = self.of(world)
+        return found
+
+    def values(self, name: str) -> list[Any]:
+        """A number in each world."""
+        found: list[Any] = self.arrays[name].tolist()
+        return found
+
+    def column(self, name: str, worlds: Sequence[int]) -> Any:
+        """A number in some worlds, or one for all."""
+        if name not in self.names:
+            return int(self.stamp[0]) if name == "t" else field_of(self, name)
+        found = self.memory[name]
+        return found[worlds] if len(worlds) < len(found) else found
+
+    def number(self, world: int, name: str) -> Any:
+        """A field in one world, a pose as 12 numbers."""
+        return self.memory[name][world].tolist() if name in self.names else self.column(name, ())
 
     def fits(self, sample: Samples | Signal) -> bool:
         """Whether the arrays of another sample have the same shapes."""
@@ -96,30 +168,79 @@ class Row(Samples):
 
     def copy(self) -> "Row":
         """One that nobody overwrites."""
-        return row_at(self.kind, self.memory.copy(), self.t, self.alike)
+        return row_at(self.kind, self.memory.copy(), int(self.stamp[0]), self.alike)
+
+    def kept(self) -> "Row":
+        """The same, made once for all who keep it."""
+        if self._kept is None:
+            self._kept = self.copy()
+            self._kept._views, self._kept.apart = self._views, self.apart
+        return self._kept
 
     def each(self) -> list[Signal]:
         """The samples of all worlds."""
-        if not self._is_plain:
-            return super().each()
-        return [self._made(values) for values in self.memory.tolist()]
+        return self.made(self.memory, int(self.stamp[0]))
 
     def of(self, world: int) -> Any:
         """The sample of one world."""
-        return self._made(self.memory[world].tolist()) if self._is_plain else super().of(world)
+        return self.made(self.memory[world : world + 1], int(self.stamp[0]))[0]
 
-    def _made(self, values: Sequence[Any]) -> Signal:
-        kind, names, poses = self.kind, self.memory.dtype.names or (), _poses(self.kind)
-        if poses:
-            values = [_pose(v) if name in poses else v for name, v in zip(names, values, strict=True)]
-        if names == _names(kind):
-            return kind(int(self.stamp[0]), *values)
-        return kind(int(self.stamp[0]), **dict(zip(names, values, strict=True)))
+    def made(self, memory: NDArray[Any], t: int) -> list[Signal]:
+        """The samples in a memory like its own, (n,), of a time [ns]."""
+        kind, names = self.kind, self.names
+        if not self._is_plain:
+            return Samples(kind, t, {name: memory[name] for name in names}, self.alike).each()
+        rows, head = memory.tolist(), () if self.is_held else (t,)
+        if self._poses:
+            rows = [[*row] for row in rows]
+            for place in self._poses:
+                for row in rows:
+                    row[place] = _pose(row[place])
+        if self._is_whole:
+            return [kind(*head, *row) for row in rows]
+        if self.is_held:
+            return [_restored(kind, names, row) for row in rows]
+        return [kind(*head, **dict(zip(names, row, strict=True))) for row in rows]
+
+
+def _restored(kind: Any, names: Sequence[str], values: Sequence[Any]) -> Any:
+    """A sample by its fields, whatever its class does when one is made."""
+    made = object.__new__(kind)
+    for name, value in zip(names, values, strict=True):
+        object.__setattr__(made, name, value)
+    return made
 
 
 def _pose(numbers: Sequence[float]) -> Pose:
     x, y, z, a, b, c, d, e, f, g, h, i = numbers
     return Pose.of_numbers([x, y, z], [[a, b, c], [d, e, f], [g, h, i]])
+
+
+@cache
+def _fields(kind: type[Signal], names: tuple[str, ...]) -> tuple[Any, list[int], list[int], bool]:
+    """What reads `t` and fields of a sample; places of poses and integers; whether they make one."""
+    hints = get_type_hints(kind)
+    poses, wholes = ([k for k, name in enumerate(names) if hints[name] is form] for form in (Pose, int))
+    is_plain = all(f.init and not f.kw_only for f in fields(kind)) and not hasattr(kind, "__post_init__")
+    is_whole = is_plain and names[names[:1] == ("t",) :] == (*_forms(kind),)
+    return attrgetter("t", *(names or ("t",))), poses, wholes, is_whole
+
+
+def held_row(kind: type[Signal], worlds: int) -> Row:
+    """A new row for any samples of a type: with the `t` of each, and what is no number as it is."""
+    members = [_member(name, form or object) for name, form in _forms(kind).items()]
+    return Row(kind, np.zeros(worlds, np.dtype([("t", np.int64), *members], align=True)))
+
+
+def row_with(sample: Signal) -> Row:
+    """A row of one world with a sample."""
+    row = held_row(type(sample), 1)
+    row.take({0: sample})
+    return row
+
+
+def _member(name: str, form: Any) -> tuple[Any, ...]:
+    return (name, *(form if isinstance(form, tuple) else (form,)))
 
 
 def row_at(kind: type[Signal], memory: NDArray[Any], t: int, alike: Mapping[str, Any] | None = None) -> Row:
@@ -147,7 +268,7 @@ def row_of(
     wrong = [name for name in held if forms[name] is None and name not in rooms]
     if wrong:
         raise SwathError(f"{kind.__name__}.{wrong[0]}: expected a number, a flag or a pose")
-    members = [(name, *(f if isinstance(f := forms[name], tuple) else (f,))) for name in held]
+    members = [_member(name, forms[name]) for name in held]
     dtype = np.dtype(members, align=True) if not rooms else _with_arrays(kind, held, rooms)
     return Row(kind, np.zeros(worlds, dtype), alike)
 
@@ -200,17 +321,6 @@ def can_be_row(kind: type[Signal]) -> bool:
 def _forms(kind: type[Signal]) -> Mapping[str, Any]:
     hints = get_type_hints(kind)
     return {f.name: FORMS.get(hints[f.name]) for f in fields(kind) if f.name != "t"}
-
-
-@per_signal
-def _names(kind: type[Signal]) -> tuple[str, ...]:
-    return tuple(_forms(kind))
-
-
-@per_signal
-def _poses(kind: type[Signal]) -> tuple[str, ...]:
-    hints = get_type_hints(kind)
-    return tuple(f.name for f in fields(kind) if hints[f.name] is Pose)
 
 
 class Trail:
@@ -283,7 +393,7 @@ class Spare:
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
         """An array that holds anything."""
         size = prod(shape) * dtype.itemsize
-        if size < SMALL:
+        if size < SMALL or dtype.hasobject:
             return np.empty(shape, dtype)
         at = next((k for k, known in enumerate(self._kept) if len(known) >= size), None)
         memory = np.empty(size, np.uint8) if at is None else self._kept.pop(at)

@@ -9,9 +9,8 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import fields
-from itertools import compress
 from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
 
 import numpy as np
@@ -70,113 +69,16 @@ class Samples:
         return Samples(self.kind, self.t, {k: a.copy() for k, a in self.arrays.items()}, self.alike)
 
     @staticmethod
-    def joined(signals: Sequence[Signal], active: Sequence[bool] | None = None) -> "Samples":
-        """The samples of all worlds as one; arrays that differ in shape become one array of objects.
-
-        active: worlds that still run, None = all; others have an older sample, which nobody looks at any
-        more. SwathError where the samples of those that run are not of one time.
-        """
-        first = signals[0]
-        times = {signal.t for signal in (signals if active is None else compress(signals, active))}
-        if len(times) > 1:
-            text = f"{type(first).__name__}: t = {min(times)} ns in one world, {max(times)} ns in another"
-            how = "swath.worlds(together=1), or vectorization_mode='sync' of an environment"
-            raise SwathError(f"{text}: they cannot go in step; alone they can: {how}")
-        arrays, alike = {}, {}
+    def joined(signals: Sequence[Signal]) -> "Samples":
+        """The samples of all worlds as one; arrays that differ in shape become one array of objects."""
+        first, arrays, alike = signals[0], {}, {}
         for name in _makers(type(first)):
             values = [getattr(signal, name) for signal in signals]
             if _is_alike(values):
                 alike[name] = values[0]
             else:
                 arrays[name] = _stacked(values)
-        return Samples(type(first), max(times, default=first.t), arrays, alike)
-
-
-class Sent:
-    """What an output sent in each world: in arrays (`all`), or one by one (`each`), made where asked for.
-
-    active: of samples one by one, worlds that still run, None = all
-    """
-
-    __slots__ = ("_active", "_all", "_each", "_kept", "_origin", "is_of_all")
-
-    def __init__(
-        self,
-        all: Samples | None,
-        each: Sequence[Signal] | None = None,
-        active: NDArray[np.bool_] | None = None,
-    ) -> None:
-        self._all, self._each, self._active = all, each, active
-        self.is_of_all = all is not None  # whether they were sent in arrays
-        self._kept: Sent | None = None
-        self._origin: Sent | None = None  # of a copy: what it is one of
-
-    @property
-    def kind(self) -> type[Signal]:
-        """Type of the samples."""
-        return type(self._each[0]) if self._all is None else self._all.kind  # type: ignore[index]
-
-    @property
-    def names(self) -> Collection[str]:
-        """Names of fields that may differ between worlds."""
-        return _makers(self.kind).keys() if self._all is None else self._all.arrays.keys()
-
-    @property
-    def all(self) -> Samples:
-        """In arrays, which their sender may overwrite when it sends anew."""
-        if self._all is None:
-            active = None if self._active is None else self._active.tolist()
-            self._all = Samples.joined(self._each or (), active)
-        return self._all
-
-    @property
-    def each(self) -> Sequence[Signal]:
-        """Give them one by one."""
-        if self._each is None and self._origin is not None:
-            self._each = self._origin._each
-        if self._each is None:
-            self._each = self.all.each()
-        return self._each
-
-    def values(self, name: str) -> Sequence[Any]:
-        """A number in each world."""
-        if self._each is not None:
-            return [getattr(signal, name) for signal in self._each]
-        found: list[Any] = self.all.arrays[name].tolist()
-        return found
-
-    def column(self, name: str, worlds: Sequence[int]) -> Any:
-        """A number in some worlds, or one for all."""
-        if self._each is not None:
-            return [getattr(self._each[world], name) for world in worlds]
-        if name == "t":
-            return self.all.t
-        found = field_of(self.all, name)
-        return found[worlds] if name in self.all.arrays and len(worlds) < len(found) else found
-
-    def number(self, world: int, name: str) -> Any:
-        """A field in one world, a pose as 12 numbers."""
-        if self._each is not None:
-            return plain(getattr(self._each[world], name))
-        if name == "t":
-            return self.all.t
-        found = field_of(self.all, name)
-        return found[world] if name in self.all.arrays else found
-
-    def of(self, world: int) -> Any:
-        """Sample of one world."""
-        if self._each is None and self.all.count > 1:
-            return self.all.of(world)
-        return self.each[world]
-
-    def kept(self) -> "Sent":
-        """The same, which no sender overwrites."""
-        if not self.is_of_all:
-            return self
-        if self._kept is None:
-            self._kept = Sent(self.all.copy(), self._each)
-            self._kept._kept, self._kept._origin = self._kept, self
-        return self._kept
+        return Samples(type(first), max(signal.t for signal in signals), arrays, alike)
 
 
 @per_signal

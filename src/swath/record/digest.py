@@ -99,9 +99,9 @@ class Digest:
     def _take(self, block: Block) -> None:
         pile, slot, output = block.pile, block.slot, block.output
         chain = self._chain(slot, output)
-        if not pile.arrays:
-            for t, each in zip(pile.times, pile.each, strict=True):
-                chain.add(sample_bytes(slot, output, t, each[block.world]))
+        if not block.is_even:
+            for k, t in enumerate(block.times.tolist()):
+                chain.add(sample_bytes(slot, output, t, block.sample(k)))
             return
         if pile.rows is None:  # of all worlds at once, for whoever comes first
             columns = self._columns.get((slot, output))
@@ -232,19 +232,19 @@ class Columns:
         row = bytearray("/".join((pile.slot, pile.output, pile.kind.__name__, *names)).encode() + b"\n")
         table = [[0, 8, len(row), 8, kernel.COPIED]]
         row += bytes(8)
-        self._alike = pile.alike
+        self._alike = pile.row.alike
         self._arrays: list[tuple[str, np.dtype[Any], int]] = [("", np.dtype(np.int64), 0)]
         for name in names:
-            if name == "t":
+            if name == "t" and name not in pile.row.names:
                 row += b"i" + bytes(8)
                 table.append([0, 8, len(row) - 8, 8, kernel.COPIED])
                 self._arrays.append(("t", np.dtype(np.int64), 0))
                 continue
-            if name not in pile.arrays:
+            if name not in pile.row.names:
                 row += encode(getattr(first, name))
                 continue
             for before, dtype, begin, shape, after in _column(
-                encode(getattr(first, name)), pile.arrays[name][0]
+                encode(getattr(first, name)), pile.array(name)[0]
             ):
                 row += before
                 count, how = int(np.prod(shape)), _kind(dtype)
@@ -262,21 +262,22 @@ class Columns:
 
     def fits(self, pile: Pile) -> bool:
         """Whether the samples have the same form."""
-        alike = len(self._alike) == len(pile.alike)
-        alike = alike and all(self._alike.get(name) is value for name, value in pile.alike.items())
-        return alike and _form_of(pile) == self._form
+        alike = pile.row.alike
+        is_alike = len(alike) == len(self._alike) and all(self._alike.get(n) is v for n, v in alike.items())
+        return is_alike and _form_of(pile) == self._form
 
     def bytes_of(self, pile: Pile) -> np.ndarray:
         """(samples, worlds, size) uint8."""
         count, worlds = pile.count, pile.worlds
         rows = self._spare.empty((count, worlds, self.size), np.dtype(np.uint8))
-        when = {"": pile.times, "t": pile.stamps}
+        trail = pile.trail
+        when = {"": trail.times, "t": trail.stamps}
         kept = []
         for k, (name, dtype, first) in enumerate(self._arrays):
-            if name in when:
-                array = np.repeat(np.array(when[name], np.int64), worlds)
+            if name in when and name not in pile.row.names:
+                array = np.repeat(when[name][:count], worlds)
             else:
-                array = pile.arrays[name][:count]
+                array = pile.array(name)
                 is_even = array.strides[0] == worlds * array.strides[1]
                 if array.dtype != dtype or not is_even or not array[0, 0].flags.c_contiguous:
                     array = np.ascontiguousarray(array, dtype)
@@ -290,7 +291,7 @@ class Columns:
 
 
 def _form_of(pile: Pile) -> Any:
-    return pile.kind, [(name, a.dtype, a.shape[1:]) for name, a in pile.arrays.items()]
+    return pile.kind, pile.row.memory.dtype, pile.worlds
 
 
 def _kind(dtype: "np.dtype[Any]") -> Any:

@@ -120,9 +120,9 @@ def driven(worlds: Sequence[World], lockstep: Lockstep) -> list[float]:
     """How far each world got: the farthest machine that cuts; without one, the farthest [m]."""
     found = [0.0] * len(worlds)
     for slot in worlds[0].driving:
-        sent = lockstep.newest((slot, "state"))
-        if sent is not None and issubclass(sent.kind, MachineState):
-            found = [max(way) for way in zip(found, sent.values("distance"), strict=True)]
+        row = lockstep.newest((slot, "state"))
+        if row is not None and issubclass(row.kind, MachineState):
+            found = [max(way) for way in zip(found, row.values("distance"), strict=True)]
     return found
 
 
