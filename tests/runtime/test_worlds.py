@@ -369,7 +369,7 @@ def test_the_digest_takes_in_the_same_bytes(seed):
                 taken, added, block = Digest(), Digest(), Block(pile, world)
                 taken.take(Seen([block]))
                 for k in range(20):
-                    added.add("combine.x", "out", 9 + k, signal)
+                    added("combine.x", 9 + k, {"out": signal})
                 assert taken.hex == added.hex
                 assert sample_bytes("a", "b", 7, block.sample(7)) == sample_bytes("a", "b", 7, signal)
 

@@ -161,6 +161,12 @@ class Row(Samples):
             for name, array in self.arrays.items()
         )
 
+    def offset(self, name: str) -> int:
+        """Where a member begins in the struct of a world [bytes]."""
+        members = self.memory.dtype.fields
+        assert members is not None
+        return int(members[name][1])
+
     def roomy(self, name: str, room: int) -> NDArray[Any]:
         """A field, (worlds, room, ...), with what lies behind it; see `Room`."""
         array = self.arrays[name]
@@ -328,6 +334,7 @@ class Trail:
 
     times: when each was sent [ns]; stamps: its own `t`; orders: its place among all that was sent
     head: (HEAD,) where the memories lie, and how many samples there are; compiled code adds to it
+    address: where that of the samples begins
     spare: memories of earlier trails of this output
     """
 
@@ -378,10 +385,10 @@ class Trail:
         if count:
             memory[:count], numbers[0, :count] = self.memory[:count], self.times[:count]
             numbers[1, :count], numbers[2, :count] = self.stamps[:count], self.orders[:count]
-        self.memory = memory
+        self.memory, self.address = memory, memory.ctypes.data
         self.times, self.stamps, self.orders = numbers
         first, size = numbers.ctypes.data, 8 * room
-        self.head[:] = memory.ctypes.data, count, room, first, first + size, first + 2 * size
+        self.head[:] = self.address, count, room, first, first + size, first + 2 * size
 
 
 class Spare:

@@ -8,31 +8,25 @@ ends on the digest of an uninterrupted one.
 
 import hashlib
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from math import isnan
-from operator import attrgetter
 from struct import Struct
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from swath.core.blocks import Block, Pile, Seen, no_look
 from swath.core.frames import Pose
-from swath.core.frozen import define
 from swath.core.rows import Spare
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
 BLOCK_BYTES = 64 * 1024
 TIME, INTEGER, FLOAT = Struct("<q"), Struct("<cq"), Struct("<cd")
-PLAIN = {int: "cq", float: "cd", bool: "c"}  # layout of a number with its letter
-LETTERS = {int: b"i", float: b"d"}
 REAL = np.dtype(float)
 PLACE, TURN = b"(a<f8(3,)", b"a<f8(3, 3)"  # before the arrays of a pose
-Packer = Callable[[int, Any], "bytes | None"]
 FEW = 16  # numbers of an array that are looked at one by one
-_LAYOUTS: dict[tuple[str, str, Any], "_Layout"] = {}
 _PREFIXES: dict[tuple[Any, tuple[int, ...]], bytes] = {}  # of arrays
 
 
@@ -69,8 +63,8 @@ class Digest:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what `slot` published at t [ns]."""
-        for output, signal in outputs.items():
-            self.add(slot, output, t, signal)
+        for block in Seen.of_one(slot, t, outputs).blocks:
+            self._take(block)
 
     def take(self, seen: Seen) -> None:
         """Take in what all slots published; where it may wait, until it is asked for or more comes."""
@@ -80,10 +74,6 @@ class Digest:
         else:
             self._take_waiting()
             self._waiting += seen.blocks
-
-    def add(self, slot: str, output: str, t: int, signal: Signal) -> None:
-        """Take in a sample."""
-        self._chain(slot, output).add(sample_bytes(slot, output, t, signal))
 
     def defer(self) -> None:
         """From now on `take_next` takes samples in, an output at a time; none waits longer than a beat."""
@@ -147,78 +137,13 @@ class Digest:
 
 def sample_bytes(slot: str, output: str, t: int, signal: Signal) -> bytes:
     """Canonical bytes of a sample published at t [ns]."""
-    key = slot, output, type(signal)
-    layout = _LAYOUTS.get(key)
-    if layout is None:
-        layout = _LAYOUTS[key] = _Layout(*key)
-    return layout.bytes_of(t, signal)
+    values = [getattr(signal, f.name) for f in fields(signal)]
+    return b"".join([_head(slot, output, type(signal)), TIME.pack(t), *map(encode, values)])
 
 
-class _Layout:
-    """The bytes of the samples of an output: numbers and poses go through one Struct while types stay.
-
-    pack: that does it, None where other fields are among them
-    """
-
-    def __init__(self, slot: str, output: str, kind: Any) -> None:
-        self._names = tuple(f.name for f in fields(kind))
-        self._values = attrgetter(*self._names, self._names[0])  # a tuple also of a single field
-        self._head = "/".join((slot, output, kind.__name__, *self._names)).encode() + b"\n"
-        self._types: tuple[type, ...] = ()
-        self.pack: Packer | None = None
-        self._kept: dict[int, tuple[Any, bytes]] = {}  # arrays that do not change, by field, and their bytes
-
-    def bytes_of(self, t: int, signal: Signal) -> bytes:
-        if self.pack is not None and (packed := self.pack(t, signal)) is not None:
-            return packed
-        values = self._values(signal)[:-1]
-        types = tuple(map(type, values))
-        if types != self._types:
-            self._types = types
-            self.pack = _packer(self._head, self._names, types)
-        return b"".join([self._head, TIME.pack(t), *map(self._encode, range(len(values)), values)])
-
-    def _encode(self, place: int, value: Any) -> bytes:
-        """As `encode`; of an array that nobody can write to and that comes again, the bytes as before."""
-        if type(value) is not np.ndarray or value.flags.writeable or value.base is not None:
-            return encode(value)
-        kept = self._kept.get(place)
-        if kept is None or kept[0] is not value:
-            kept = self._kept[place] = value, encode(value)
-        return kept[1]
-
-
-def _packer(head: bytes, names: Sequence[str], types: Sequence[type]) -> Packer | None:
-    """Packs samples whose fields are of these types, numbers and poses; None where others are among them.
-
-    A packer gives None for a sample with other types. Letters come before numbers, nothing before a flag.
-    """
-    if not all(kind in PLAIN or kind is Pose for kind in types):
-        return None
-    layout, packed = f"<{len(head)}sq", ["head", "t"]
-    lines, right, reals = [], [], []  # `right`: what has to hold; `reals`: what may be nan
-    for i, (name, kind) in enumerate(zip(names, types, strict=True)):
-        v = f"v{i}"
-        lines.append(f"{v} = s.{name}")
-        right.append(f"type({v}) is k{i}")
-        if kind is Pose:
-            right.append(f"('rotation' not in {v}.__dict__ or is_usual({v}))")
-            place, turn = [f"{v}p{k}" for k in range(3)], [f"{v}r{k}" for k in range(9)]
-            layout += f"{len(PLACE)}s3d{len(TURN)}s9dc"
-            packed += ["place", *place, "turn", *turn, "b')'"]
-            reals += place + turn
-        else:
-            layout += PLAIN[kind]
-            packed += [f"b't' if {v} else b'f'"] if kind is bool else [repr(LETTERS[kind]), v]
-            reals += [v] if kind is float else []
-    lines.append(f"if not ({' and '.join(right)}): return None")
-    lines += [line for i, kind in enumerate(types) if kind is Pose for line in _unpacked(f"v{i}")]
-    if reals:
-        lines += [f"x = {' + '.join(reals)}", "if x != x:", *(f" if {v} != {v}: {v} = nan" for v in reals)]
-    lines.append(f"return pack({', '.join(packed)})")
-    known = {"head": head, "is_usual": _is_usual, "place": PLACE, "turn": TURN, "nan": np.nan}
-    kinds = {f"k{i}": kind for i, kind in enumerate(types)}
-    return cast("Packer", define("packer", "t, s", lines, {**known, **kinds, "pack": Struct(layout).pack}))
+def _head(slot: str, output: str, kind: Any) -> bytes:
+    """How each sample of an output begins."""
+    return "/".join((slot, output, kind.__name__, *(f.name for f in fields(kind)))).encode() + b"\n"
 
 
 class Columns:
@@ -227,32 +152,30 @@ class Columns:
     def __init__(self, pile: Pile) -> None:
         from swath.record import digest_kernel as kernel
 
-        first = Block(pile, 0).sample(0)
-        names = [f.name for f in fields(pile.kind)]
-        row = bytearray("/".join((pile.slot, pile.output, pile.kind.__name__, *names)).encode() + b"\n")
-        table = [[0, 8, len(row), 8, kernel.COPIED]]
+        first, self._alike = Block(pile, 0).sample(0), pile.row.alike
+        self._form = pile.kind, pile.row.memory.dtype
+        dtype, row = pile.row.memory.dtype, bytearray(_head(pile.slot, pile.output, pile.kind))
+        table, offsets = [[0, 8, len(row), 8, kernel.COPIED]], [0]
         row += bytes(8)
-        self._alike = pile.row.alike
-        self._arrays: list[tuple[str, np.dtype[Any], int]] = [("", np.dtype(np.int64), 0)]
-        for name in names:
-            if name == "t" and name not in pile.row.names:
-                row += b"i" + bytes(8)
-                table.append([0, 8, len(row) - 8, 8, kernel.COPIED])
-                self._arrays.append(("t", np.dtype(np.int64), 0))
-                continue
-            if name not in pile.row.names:
+        for name in [f.name for f in fields(pile.kind)]:
+            if name in pile.row.names:
+                value = encode(getattr(first, name))
+                for before, number, begin, shape, after in _column(value, pile.array(name)[0]):
+                    row += before
+                    count, how = int(np.prod(shape)), _kind(number)
+                    size = count * number.itemsize
+                    length = size if how == kernel.COPIED else count
+                    table.append([0, dtype.itemsize, len(row), length, how])
+                    offsets.append(pile.row.offset(name) + begin * number.itemsize)
+                    row += bytes(size) + after
+            elif name == "t":
+                row += b"i"
+                table.append([0, 8, len(row), 8, kernel.COPIED])
+                offsets.append(0)
+                row += bytes(8)
+            else:
                 row += encode(getattr(first, name))
-                continue
-            for before, dtype, begin, shape, after in _column(
-                encode(getattr(first, name)), pile.array(name)[0]
-            ):
-                row += before
-                count, how = int(np.prod(shape)), _kind(dtype)
-                size = count * dtype.itemsize
-                table.append([0, 0, len(row), size if how == kernel.COPIED else count, how])
-                row += bytes(size) + after
-                self._arrays.append((name, dtype, begin))
-        self._form = _form_of(pile)
+        self._offsets = np.array(offsets)
         self._row, self.size = np.frombuffer(bytes(row), np.uint8), len(row)
         head = [self._row.ctypes.data, self.size, 0, self.size, 0, len(table)]
         self._job = np.array([*head, *(v for line in table for v in line)], np.int64)
@@ -264,34 +187,25 @@ class Columns:
         """Whether the samples have the same form."""
         alike = pile.row.alike
         is_alike = len(alike) == len(self._alike) and all(self._alike.get(n) is v for n, v in alike.items())
-        return is_alike and _form_of(pile) == self._form
+        return is_alike and (pile.kind, pile.row.memory.dtype) == self._form
 
     def bytes_of(self, pile: Pile) -> np.ndarray:
         """(samples, worlds, size) uint8."""
-        count, worlds = pile.count, pile.worlds
+        count, worlds, trail = pile.count, pile.worlds, pile.trail
         rows = self._spare.empty((count, worlds, self.size), np.dtype(np.uint8))
-        trail = pile.trail
-        when = {"": trail.times, "t": trail.stamps}
-        kept = []
-        for k, (name, dtype, first) in enumerate(self._arrays):
-            if name in when and name not in pile.row.names:
-                array = np.repeat(when[name][:count], worlds)
-            else:
-                array = pile.array(name)
-                is_even = array.strides[0] == worlds * array.strides[1]
-                if array.dtype != dtype or not is_even or not array[0, 0].flags.c_contiguous:
-                    array = np.ascontiguousarray(array, dtype)
-                array = array[0]  # from one sample to the next it is as far as from world to world
-            kept.append(array)
-            at = array.__array_interface__["data"][0]  # in half the time of `ctypes`
-            self._table[k, 0], self._table[k, 1] = at + first * dtype.itemsize, array.strides[0]
-        self._job[2], self._job[4] = rows.ctypes.data, count * worlds
+        times, stamps = trail.times[:count].repeat(worlds), trail.stamps[:count].repeat(worlds)
+        self._table[:, 0] = self._offsets + trail.address
+        self._table[0, 0] = _address(times)
+        if not pile.row.is_held:
+            self._table[1, 0] = _address(stamps)
+        self._job[2], self._job[4] = _address(rows), count * worlds
         self._launch()
         return rows
 
 
-def _form_of(pile: Pile) -> Any:
-    return pile.kind, pile.row.memory.dtype, pile.worlds
+def _address(array: np.ndarray) -> int:
+    """Where it begins in memory, in half the time of `ctypes`."""
+    return int(array.__array_interface__["data"][0])
 
 
 def _kind(dtype: "np.dtype[Any]") -> Any:
@@ -317,18 +231,6 @@ def _column(
         return [(b"", kind, 0, (), b"")]
     letter, form = (b"d", REAL) if kind.kind == "f" else (b"i", np.dtype(np.int64))
     return [(letter, form, 0, (), b"")]
-
-
-def _unpacked(v: str) -> list[str]:
-    """Lines that take the numbers out of a pose."""
-    rows = ", ".join(f"({', '.join(f'{v}r{first + k}' for k in range(3))})" for first in (0, 3, 6))
-    return [f"({v}p0, {v}p1, {v}p2), ({rows}) = {v}.numbers"]
-
-
-def _is_usual(pose: Pose) -> bool:
-    """Whether the arrays of a pose are of its kind and shape."""
-    p, r = pose.position, pose.rotation
-    return p.dtype is REAL and r.dtype is REAL and p.shape == (3,) and r.shape == (3, 3)
 
 
 def encode(value: Any) -> bytes:

@@ -79,8 +79,8 @@ class RecordingComparison(RunHook):
                 compared.note(recorded[0], f"{output} {ELSEWHEN}")
             elif names := _differences(signal, recorded[1]):
                 compared.note(t, f"{output}: {', '.join(names)}")
-            compared.digest.add(slot, output, t, signal)
-            compared.recorded.add(slot, output, *recorded)
+            compared.digest(slot, t, {output: signal})
+            compared.recorded(slot, recorded[0], {output: recorded[1]})
 
     def summarize(self, t: int) -> dict[str, Any]:
         """What summary.json says, after the run has ended at t [ns]."""
