@@ -12,7 +12,7 @@ from benchmarks.counts import BYTECODES, CALLS, STEPS, SUPPLIES, WALKS, asks_for
 
 BOUNDS = {BYTECODES: 1_086_353, CALLS: 34_726, WALKS: 220, STEPS: 25, SUPPLIES: 115}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
-CLASSES, ASKING = 47, 14
+CLASSES, ASKING = 47, 9
 
 
 @pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="other versions of Python have other bytecodes")

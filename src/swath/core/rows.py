@@ -9,7 +9,7 @@ from dataclasses import fields
 from functools import cache
 from math import prod
 from operator import attrgetter
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import Any, NamedTuple, get_args
 from weakref import finalize
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
 from swath.core.frames import Pose
-from swath.core.signal import Signal, per_signal
+from swath.core.signal import Signal, field_types, per_signal
 from swath.core.together import Samples, field_of, plain
 
 # Numbers by which compiled code knows a trail: address of its samples, how many there are and how many have
@@ -225,7 +225,7 @@ def _pose(numbers: Sequence[float]) -> Pose:
 @cache
 def _fields(kind: type[Signal], names: tuple[str, ...]) -> tuple[Any, list[int], list[int], bool]:
     """What reads `t` and fields of a sample; places of poses and integers; whether they make one."""
-    hints = get_type_hints(kind)
+    hints = {"t": int, **field_types(kind)}
     poses, wholes = ([k for k, name in enumerate(names) if hints[name] is form] for form in (Pose, int))
     is_plain = all(f.init and not f.kw_only for f in fields(kind)) and not hasattr(kind, "__post_init__")
     is_whole = is_plain and names[names[:1] == ("t",) :] == (*_forms(kind),)
@@ -313,7 +313,7 @@ def _with_arrays(kind: type[Signal], names: Sequence[str], rooms: Mapping[str, R
 
 def _number_of(kind: type[Signal], name: str) -> np.dtype[Any]:
     """What an array field holds, as it is declared: NDArray[np.float64]."""
-    (number,) = get_args(get_args(get_type_hints(kind)[name])[1])
+    (number,) = get_args(get_args(field_types(kind)[name])[1])
     found: np.dtype[Any] = np.dtype(number)
     return found
 
@@ -325,8 +325,7 @@ def can_be_row(kind: type[Signal]) -> bool:
 
 @per_signal
 def _forms(kind: type[Signal]) -> Mapping[str, Any]:
-    hints = get_type_hints(kind)
-    return {f.name: FORMS.get(hints[f.name]) for f in fields(kind) if f.name != "t"}
+    return {name: FORMS.get(declared) for name, declared in field_types(kind).items()}
 
 
 class Trail:

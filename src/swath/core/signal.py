@@ -10,7 +10,7 @@ From this follow its flat numbers, columns of tracks.parquet, ROS 2 message, exa
 its entry in docs/reference/signals.md.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from math import inf
@@ -123,6 +123,13 @@ def per_signal(function: Callable[[type[Signal]], T]) -> Callable[[type[Signal]]
     """Remember what a function says of each sample type."""
     kept: Any = cache(function)
     return cast("Callable[[type[Signal]], T]", kept)
+
+
+@per_signal
+def field_types(signal: type[Signal]) -> Mapping[str, Any]:
+    """What each field of a sample type but `t` is declared as, without its notes."""
+    hints = get_type_hints(signal)
+    return {field.name: hints[field.name] for field in fields(signal) if field.name != "t"}
 
 
 @per_signal

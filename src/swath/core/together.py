@@ -11,7 +11,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import fields
-from typing import Any, ClassVar, Protocol, get_type_hints, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import SwathError
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.core.signal import Signal, per_signal
+from swath.core.signal import Signal, field_types, per_signal
 
 Given = Mapping[str, Any]  # by port: Samples, a tuple of them for a history, None
 
@@ -84,9 +84,8 @@ class Samples:
 @per_signal
 def _makers(kind: type[Signal]) -> dict[str, Any]:
     """How the fields of the samples of all worlds are made of an array, a list of them."""
-    hints = get_type_hints(kind)
     known: dict[Any, Any] = {float: _numbers, int: _numbers, bool: _numbers, Pose: poses_of}
-    return {f.name: known.get(hints[f.name], _arrays) for f in fields(kind) if f.name != "t"}
+    return {name: known.get(declared, _arrays) for name, declared in field_types(kind).items()}
 
 
 def _numbers(array: NDArray[Any]) -> list[Any]:

@@ -15,10 +15,10 @@ counted from the end of the four bytes of the encapsulation header; text and seq
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cache
 from struct import Struct, calcsize
-from typing import Any, Literal, NamedTuple, get_type_hints
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from swath.core.blocks import Block
 from swath.core.frames import Pose
 from swath.core.schedule import NS
-from swath.core.signal import per_signal
+from swath.core.signal import field_types, per_signal
 from swath.core.together import poses_of
 from swath.field.edges.track import EdgeShape
 from swath.field.maps.projection import Origin
@@ -338,9 +338,7 @@ def plain_names(signal: type[Signal]) -> tuple[str, ...] | None:
 
 
 def _field_kinds(signal: type[Signal]) -> dict[str, str]:
-    hints = get_type_hints(signal)
-    names = [f.name for f in fields(signal) if f.name != "t" and hints[f.name] in FIELD_TYPES]
-    return {name: FIELD_TYPES[hints[name]] for name in names}
+    return {name: FIELD_TYPES[hint] for name, hint in field_types(signal).items() if hint in FIELD_TYPES}
 
 
 UNKNOWN = 1e6  # variance of what nobody knows

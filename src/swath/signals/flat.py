@@ -7,13 +7,13 @@ ranges, beam_t ...            whole arrays
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from math import prod
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.signal import Quantity, per_signal, quantities
+from swath.core.signal import Quantity, field_types, per_signal, quantities
 from swath.signals import F32, F64, U8, U16, Signal
 
 Value = Any  # float, int, bool or an array, as the field's kind says
@@ -40,20 +40,16 @@ class FlatField:
 @per_signal
 def flat_fields(signal: type[Signal]) -> dict[str, FlatField]:
     """The numbers of a sample type by name, in the order of its fields; `t` is not among them."""
-    hints, known = _hints(signal), quantities(signal)
+    known = quantities(signal)
     found: dict[str, FlatField] = {}
-    for field in fields(signal):
-        if field.name == "t":
-            continue
-        hint, default = hints[field.name], None if field.default is MISSING else field.default
+    defaults = {f.name: None if f.default is MISSING else f.default for f in fields(signal)}
+    for whole, hint in field_types(signal).items():
         if hint is Pose:
             for part, unit in POSE.items():
-                name = f"{field.name}.{part}"
-                found[name] = FlatField(
-                    name, "real", Quantity(unit, f"{part} of {known[field.name].meaning}")
-                )
+                name = f"{whole}.{part}"
+                found[name] = FlatField(name, "real", Quantity(unit, f"{part} of {known[whole].meaning}"))
         elif hint in _KINDS:
-            found[field.name] = FlatField(field.name, _KINDS[hint], known[field.name], default)
+            found[whole] = FlatField(whole, _KINDS[hint], known[whole], defaults[whole])
     return found
 
 
@@ -67,11 +63,6 @@ def amounts(signal: type[Signal]) -> tuple[str, ...]:
 def is_bulky(signal: type[Signal]) -> bool:
     """True when a sample has an array of several dimensions: too long for a list of named numbers."""
     return any(len(quantity.shape) > 1 for quantity in quantities(signal).values())
-
-
-@per_signal
-def _hints(signal: type[Signal]) -> dict[str, Any]:
-    return get_type_hints(signal)
 
 
 def read(sample: Signal, name: str) -> Value:
@@ -97,16 +88,13 @@ def build(signal: type[Signal], t: int, values: Mapping[str, Value]) -> Signal:
     missing = [f.name for f in known.values() if f.default is None and f.name not in values]
     if missing:
         raise InputError(signal.__name__, None, f"expected a value for {', '.join(missing)}")
-    hints, lengths = _hints(signal), _lengths(known, values)
-    made: dict[str, Any] = {}
-    for field in fields(signal):
-        if field.name == "t":
-            continue
-        if hints[field.name] is Pose:
-            at = [float(values[f"{field.name}.{part}"]) for part in POSE]
-            made[field.name] = Pose.from_euler(tuple(at[:3]), roll=at[3], pitch=at[4], yaw=at[5])
-        elif field.name in values:
-            made[field.name] = _typed(values[field.name], known[field.name], hints[field.name], lengths)
+    lengths, made = _lengths(known, values), dict[str, Any]()
+    for name, hint in field_types(signal).items():
+        if hint is Pose:
+            at = [float(values[f"{name}.{part}"]) for part in POSE]
+            made[name] = Pose.from_euler(tuple(at[:3]), roll=at[3], pitch=at[4], yaw=at[5])
+        elif name in values:
+            made[name] = _typed(values[name], known[name], hint, lengths)
     return signal(t, **made)
 
 

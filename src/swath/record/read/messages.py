@@ -3,12 +3,12 @@
 MachineState is made of NavSatFix too, by `fixes.py`; any sample of the `swath_msgs` message of its name.
 """
 
-from dataclasses import fields
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.core.signal import field_types
 from swath.record.read import motion, positioning, radar, scans
 from swath.record.read.fields import Context, Maker, Makers
 from swath.record.read.frames import pose_of
@@ -38,16 +38,16 @@ def message_names(signal: type[Signal]) -> list[str]:
 
 def _of_own(signal: type[Signal], message: Any, t: int) -> Signal:
     """A swath_msgs message by its fields; arrays are flat there."""
-    hints, values = get_type_hints(signal), {}
-    for field in fields(signal):
-        if field.name == "t" or not hasattr(message, field.name):
+    values = {}
+    for name, hint in field_types(signal).items():
+        if not hasattr(message, name):
             continue
-        value, hint = getattr(message, field.name), hints[field.name]
+        value = getattr(message, name)
         if hint is Pose:
             value = pose_of(value)
         elif hint in ARRAYS:
             value = np.array(value, dtype=ARRAYS[hint])
         else:
             value = hint(value)
-        values[field.name] = value
+        values[name] = value
     return signal(t, **values)
