@@ -940,7 +940,10 @@ class Lockstep:
             kind = given.kind if isinstance(given, Samples) else type(next(iter(given.values())))
             if row is None or row.kind is not kind or not row.is_held:
                 row = held_row(kind, len(self.graphs))
-            row.take(given)
+            try:
+                row.take(given)
+            except SwathError as error:
+                raise SwathError(f"{wire[0]}.{wire[1]}: {error}") from error
         if row is not latest:  # what reads it has to be linked to it
             self._dismiss()
             self._latest[wire] = row
