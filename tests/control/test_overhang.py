@@ -89,39 +89,6 @@ def test_what_a_tramline_misses_is_no_lean():
         assert found.within(0.03) < full.within(0.03) - 0.05
 
 
-@pytest.mark.parametrize("tyre", [0.35, 0.45, 0.6])
-def test_a_tramline_that_comes_or_goes_is_no_lean(tyre):
-    """Track by track, over the gauge's metre: what is missing between, as a lean would leave it, is none."""
-    for tracks in ((2, 2, 2, 2, 2, 2, 1, 1, 0, 0, 0), (0, 0, 0, 1, 1, 2, 2, 2, 2, 2, 2)):
-        width, seen = nothing_cut(), float(tracks[0])
-        for now in np.repeat(tracks, 40):
-            seen += (now - seen) * (1.0 - np.exp(-0.05))
-            width.add(0.1 + tyre * seen, 0.1, 0.05)
-            found = usual().of(0.87, 0.02, 1.0, NO_MODE, width)
-            assert abs(found.told) < 0.1
-        assert leans(found) < (0.1 if tracks[-1] == 0 else 0.4)
-
-
-def test_what_was_missing_before_the_edge_was_beside_the_header_bounds_what_it_misses_elsewhere():
-    """It drove in the crop with one track in the header, then out of it: the rest is the way to the feet."""
-    told = {}
-    for knows in (False, True):
-        width = nothing_cut()
-        for _ in range(5 if knows else 0):
-            width.add(0.6, float("nan"), 1.0)
-        for _ in range(8):
-            width.add(0.6 + 0.1 + 0.3, 0.1, 1.0)
-        told[knows] = usual().of(0.82, 0.02, 1.0, NO_MODE, width)
-    assert leans(told[True]) > leans(told[False]) + 0.2
-    assert told[True].told == pytest.approx(0.3, abs=0.06)
-
-
-def test_a_stand_that_is_higher_than_usual_stands():
-    """A driver may be wrong about his crop: a higher stand is not less sure than the usual one."""
-    widths = [usual().of(height, 0.02, 1.0, NO_MODE, cut(0.0)).within(0.03) for height in (0.87, 1.3, 2.0)]
-    assert widths[1:] == pytest.approx([widths[0]] * 2, abs=0.1)
-
-
 def test_a_ramp_that_the_header_contradicts_is_none():
     ramp = Mode(1.0, 0.27, 0.05)
     alone = usual().of(0.8, 0.02, 1.0, ramp, nothing_cut())

@@ -16,7 +16,7 @@ from annotated_types import Ge, Gt, Le
 from swath.control.edge.block_track import BLOCK, BlockTrack, Search
 from swath.control.edge.canopy_classes import LIMIT
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground
-from swath.control.edge.feet.overhang import HOLES_M, OVER_M, CutWidth, HeightOverhang, Overhang, density
+from swath.control.edge.feet.overhang import HOLES_M, CutWidth, HeightOverhang, Overhang, density
 from swath.control.edge.ground_profile import GroundProfile
 from swath.control.edge.line.near_line import DISTANCE, LineFit, NearLine
 from swath.control.edge.profile import EVENLY, LEAST_SURE, crop_sign, finite, no_edge
@@ -40,6 +40,7 @@ ROWS = 0.125  # of their spacing: scatter of single plants in rows, which are no
 UNSURE, HELD = 0.45, 0.167  # greatest confidence of an edge that is held, not seen; m, its least deviation
 BETWEEN = 0.7  # m to the nearest block from which on an edge is held
 FLATTEST = 5.0  # m per m that the middle beam goes ahead while it falls
+OVER_M = 1.0  # m of travel over which the header tells its width
 OLD, LATE = 0.15, 0.4  # s: age of the newest scan from which on an edge is less sure, and is none
 LEAST_COS = 0.2  # of the edge's angle to the machine
 AHEAD_OF_REFERENCE = 4.0  # m that blocks lie ahead of where the edge is reported
@@ -282,9 +283,8 @@ class LikelihoodRatio(KeepsState):
         missing, travel = cut
         edge, blocks = line.frame, self._blocks
         knife = self._way_of(line) + (self._knife - edge.x)
-        if isfinite(missing):
-            is_seen = missing < HOLES_M and blocks.points.shows(knife, BETWEEN, OVER_M)
-            canopy = _canopy(edge, self._knife, steep) if is_seen else nan
+        if missing < HOLES_M and blocks.points.shows(knife, BETWEEN, OVER_M):
+            canopy = _canopy(edge, self._knife, steep)
             self._cut.add(missing, canopy + shift / steep - self._centre, travel)
 
     def _shows(self, line: NearLine, crop: float) -> bool:

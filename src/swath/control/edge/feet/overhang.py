@@ -27,13 +27,11 @@ from swath.signals import F64
 DENSE, THIN = (0.965, 0.03, 1.0), (0.77, 0.06, 0.75)
 WALL = 0.92  # of the height of the tops: where the wall of wheat that leans out by 20 to 32 deg was seen
 # chances that the header misses crop elsewhere, too, estimated: holes, evenly up to so much [m], and the two
-# wheel tracks of a tramline, tyres of so much [m]; passes with one where lines lie 24 to 36 m apart. Travel
-# [m] over which a hole goes on, or one track alone where a tramline comes or goes; over which all else does
+# wheel tracks of a tramline, tyres of 0.3 to 0.65 m; passes with one where lines lie 24 to 36 m apart
 MISSED, HOLES_M = 0.1, 2.0
-TRAMLINES, TYRE_M = 0.3, (0.3, 0.65)
-HOLE_M, SAME_M = 4.0, 50.0
+TRAMLINES, TRACKS_M = 0.3, (0.6, 1.3)
 UNEVEN = 0.05  # m, standard deviation of the width over a metre of a ragged edge, estimated
-OVER_M = 1.0  # of travel, over which the header's gauge tells its width
+CUT_M = 10.0  # m of travel over which what the header cuts says how the stand leans, estimated
 STEEP, STEEPER = 0.2, 0.35  # tangents of a lean inward that may, and that must show a ramp
 STANDS = 15.0 * DEG  # smaller leans are those of a stand that stands
 MISTAKEN = 0.1  # chance that stands lean by anything, against what the driver says, estimated
@@ -49,22 +47,6 @@ _TALL = np.array([cos(lean) for lean in _LEANS.tolist()])
 _OUT = portable.tan(_LEANS)[:, None] * np.array([sin(turn) for turn in _DIRECTIONS.tolist()])
 _HANGS = WALL * np.maximum(_OUT, -STEEPER)  # of the feet behind the edge of the tops, of their height
 _NO_RAMP = 1.0 - np.clip((-_OUT - STEEP) / (STEEPER - STEEP), 0.0, 1.0)  # chance that a lean in shows none
-
-
-def _elsewhere() -> tuple[F64, F64, F64]:
-    """What the header may miss elsewhere [m]: nothing, a hole, one track, two; chances; how far each goes."""
-    holes = np.arange(PLACE, HOLES_M, PLACE)
-    track = holes[(holes > TYRE_M[0]) & (holes < TYRE_M[1])]
-    one = TRAMLINES * HOLE_M / SAME_M
-    counts = np.array([1, len(holes), len(track), len(track)])
-    chances = np.array([1 - MISSED - TRAMLINES, MISSED, one, TRAMLINES - one])
-    stays = np.array([SAME_M, HOLE_M, HOLE_M, SAME_M])
-    widths = np.concatenate([[0], holes, track, 2 * track])
-    return widths, np.repeat(chances / counts, counts), np.repeat(stays, counts)
-
-
-_MISSES, _SHARE, _STAYS = _elsewhere()
-_BEGINS = _SHARE / _STAYS / float((_SHARE / _STAYS).sum())  # chance of each, where another ends
 
 
 class Mode(NamedTuple):
@@ -122,15 +104,12 @@ class Hang:
 
 
 class CutWidth(Clears):
-    """How wide the header cuts beside where the canopy's edge is seen.
-
-    What is missing of its width is the way to the feet and what it misses elsewhere, which goes on as it is
-    for a while: a tramline that ends shows that it was one. So the chance of both together is kept.
+    """How wide the header cuts beside where the canopy's edge is seen, over the last metres.
 
     sd: standard deviation of the width's error that a whole run has alike [m]
     """
 
-    kept = ("_way", "_missing", "_beside", "_before", "_chance", "_places")
+    kept = ("_way", "_missing", "_beside")
 
     def __init__(self, sd: float) -> None:
         self._sd = sd
@@ -138,39 +117,28 @@ class CutWidth(Clears):
 
     def clear(self) -> None:
         """Nothing cut yet."""
-        self._way = self._missing = self._beside = 0.0  # not yet used: travel, and sums over it
-        self._before = float("nan")  # missing before that [m]
-        self._chance = np.tile(_SHARE, (len(PLACES), 1))  # of PLACES and _MISSES
-        self._places = np.ones(len(PLACES))  # chance of each, up to a factor
+        self._way = 0.0  # of travel, as much as is remembered [m]
+        self._missing = self._beside = 0.0  # sums over it
 
     def add(self, missing: float, beside: float, travel: float) -> None:
         """Over a travel [m] so much of the header's width cut nothing [m], while feet at the canopy's edge
-        would stand `beside` the header's end [m], > 0 toward the crop; nan where that was not seen.
+        would stand `beside` the header's end [m], > 0 toward the crop.
         """
-        self._way += travel
-        self._missing += travel * missing
-        self._beside += travel * beside
-        if self._way < OVER_M / 4:
-            return
-        missing, beside, travel = self._missing / self._way, self._beside / self._way, self._way
-        self._way = self._missing = self._beside = 0.0
-        share = min(travel / OVER_M, 1)
-        changed = 0 if isnan(self._before) else (missing - self._before) / share
-        self._before = missing
-        stays, leans = portable.exp(-travel / _STAYS), exp(-travel / SAME_M)
-        chance = self._chance * stays + (self._chance * (1 - stays)).sum(1, keepdims=True) * _BEGINS
-        chance = leans * chance + (1 - leans) * chance.mean(0)
-        more = missing - np.maximum(beside + PLACES, 0)[:, None] - _MISSES
-        if isnan(beside):  # what is missing elsewhere is no more than all
-            more = np.minimum(missing - _MISSES, 0)
-        chance *= portable.exp(-((more / hypot(UNEVEN, changed)) ** 2) * share / 2) + NEVER
-        self._chance = chance / float(chance.sum())
-        alike = PLACES[:, None] + self._sd * _NORMAL
-        self._places = (np.interp(alike, PLACES, self._chance.sum(1)) * _OF_NORMAL).sum(1)
+        keep = exp(-travel / CUT_M)
+        self._way = keep * self._way + travel
+        self._missing = keep * self._missing + travel * missing
+        self._beside = keep * self._beside + travel * beside
 
     def likelihood(self, hangs: F64) -> F64:
-        """Of the feet so far behind the canopy's edge [m], alike where nothing was cut."""
-        return np.asarray(np.interp(hangs, PLACES, self._places))
+        """Of the feet so far behind the canopy's edge [m]; 1 where nothing was cut."""
+        if not self._way > 0.0:
+            return np.ones_like(hangs)
+        sd = hypot(self._sd, UNEVEN / sqrt(max(self._way, 1.0)))
+        more = self._missing / self._way - np.maximum(self._beside / self._way + hangs, 0.0)
+        own = portable.exp(-0.5 * (more / sd) ** 2) / (sqrt(2.0 * pi) * sd)
+        holes = MISSED / HOLES_M * ((more > 0.0) & (more < HOLES_M))
+        tracks = TRAMLINES / (TRACKS_M[1] - TRACKS_M[0]) * ((more > TRACKS_M[0]) & (more < TRACKS_M[1]))
+        return np.asarray((1.0 - MISSED - TRAMLINES) * own + holes + tracks + 1e-9)
 
 
 class Overhang(Protocol):
@@ -234,7 +202,7 @@ def density(stopped: float) -> float:
 
 def _mode(chance: F64, hangs: F64) -> Mode:
     """At its median."""
-    total = max(float(chance.sum()), NEVER)
+    total = max(float(chance.sum()), 1e-12)
     place = float(np.interp(0.5 * total, np.cumsum(chance) - 0.5 * chance, hangs))
     return Mode(total, place, sqrt(float((chance * (hangs - place) ** 2).sum()) / total))
 
