@@ -217,28 +217,6 @@ def test_one_population_never_begins_an_edge_however_far_it_is_driven(seed):
         track, travel = search(lambda beside, of=population: np.tile(of, (len(beside), 1)), seed, blocks=40)
         assert np.isnan(travel)
         assert len(track.save()["scans"]) <= (LONGEST + 2.0 * TRAVEL) / TRAVEL  # and nothing piles up
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("height", [0.6, 2.2])
-def test_puffs_on_both_sides_make_no_tall_crop_and_tall_crop_among_them_does(seed, height):
-    rng, track, count = np.random.default_rng(seed), BlockTrack(Search(1.5, 9.0)), 400
-    puffs, lost = rng.uniform(0.2, 0.3), rng.uniform(0.4, 0.5)
-    for n in range(SCANS + 1):
-        place, chance = rng.uniform(-4.0, 4.0, count), rng.uniform(size=count)
-        echo = np.where(place > 0.0, height * rng.uniform(0.7, 1.0, count), 0.05)
-        echo = np.where(chance < puffs, rng.uniform(0.9, 2.3, count), echo)
-        echo[chance > 1.0 - lost] = np.nan
-        kind = np.where(
-            echo > 1.36, DUST, np.nan_to_num((echo - LOWEST) / LAYER, nan=NOTHING).astype(np.int64)
-        )
-        cells = np.floor((place + HALF) / CELL).astype(np.int64).clip(0) * CLASSES + kind
-        stands = np.isfinite(echo)
-        answers = RayAnswers(cells, stands, echo, 0.0, count, echo, stands, place, place)
-        track.add(answers, TRAVEL, EdgeFrame(9.0, 0.0, 0.0, 0.0), (TRAVEL * n, 0.0, 0.0), 0.0)
-    assert track.height == pytest.approx(height, abs=0.35)  # or as it was taken to be at first
-
-
 def test_an_echo_of_the_air_at_the_scanner_says_that_nothing_answered():
     """At 0.7 to 1.5 m no crop stands: in fog and behind a dirty window beams that meet none answer there."""
     azimuth, ranges = np.linspace(-1.0, 1.0, 41), np.random.default_rng(1).uniform(0.7, 1.49, (41, 1))

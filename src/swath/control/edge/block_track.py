@@ -21,7 +21,7 @@ from swath.control.edge.line.edge_wall import JaggedWall, Wall, WallsBehind, pla
 from swath.control.edge.line.inner_edge import LONG
 from swath.control.edge.line.near_line import DISTANCE, EdgePoints
 from swath.control.edge.line.ragged_line import bite_of, ragged_line
-from swath.control.edge.populations import TOP, Populations, crop_excess, overlap_of
+from swath.control.edge.populations import Populations, crop_excess, overlap_of
 from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
 from swath.signals import F64
@@ -145,28 +145,14 @@ class BlockTrack(KeepsState):
             self._scans, self._headed = [], at[2]
 
     def _is_taller(self) -> bool:
-        """Most of an unseen crop stands higher than it was taken to: it counts up to there now.
-
-        What stands on the crop side beyond what seems to on the other one is crop: puffs hang on both.
-        """
-        height, aside, stands = (
-            np.concatenate([getattr(scan, name) for scan in self._scans])
-            for name in ("height", "upper", "stands")
-        )
-        crop, stubble = aside > self._search.spread, aside < -self._search.spread
-        rays, others = int(np.count_nonzero(crop)), int(np.count_nonzero(stubble))
-        more = crop - stubble * (rays / max(others, 1))  # rays of crop that each one is worth
-        is_above = stands & (height > TALL * self.height)
-        highest = is_above.nonzero()[0][np.argsort(-height[is_above], kind="stable")]
-        above = np.cumsum(more[highest])  # echoes of crop, at the height of each one or higher
-        if not above.size or (most := float(above.max())) < MANY:
+        """Most of an unseen crop stands higher than it was taken to: it counts up to there now."""
+        echoes = np.concatenate([scan.height[scan.stands] for scan in self._scans])
+        echoes = echoes[echoes > TALL * self.height]
+        if len(echoes) < MANY or np.median(echoes) < HEADROOM * self.height:
             return False
-        top = float(height[highest[np.argmax(above >= (1.0 - TOP) * most)]])
-        middle = float(height[highest[np.argmax(above >= 0.5 * most)]])
-        if middle < HEADROOM * self.height or top <= self.height:
-            return False
-        self.height = top
-        return True
+        top = float(np.percentile(echoes, 90.0))
+        is_taller, self.height = top > self.height, max(top, self.height)
+        return is_taller
 
     def _begin(self, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """Look for two populations anywhere near the header end."""
