@@ -76,20 +76,6 @@ def test_an_edge_that_is_known_to_the_room_there_is_is_driven_slowly():
     )
 
 
-@pytest.mark.parametrize("away", [-0.8, 0.6, 1.2])
-def test_two_places_as_likely_as_each_other_stop_where_the_room_does_not_hold_both(away):
-    """The deviation is that of both: each alone is known."""
-
-    def told(chance):
-        sd = (0.2**2 + chance * away**2) ** 0.5
-        return replace(
-            SEEN, confidence=0.3, offset_sd=sd, other_offset=SEEN.offset + away, other_chance=chance
-        )
-
-    assert after(told(0.5), metres=20.0)[1] < 0.05
-    assert after(told(0.2), metres=20.0)[1] == pytest.approx(3.0 * KMH)
-
-
 def test_noise_of_the_odometry_of_a_machine_at_rest_is_hardly_travel():
     """Ten minutes without an edge while it waits, with the noise of level `error`. All of it counted sums up
     to 9.6 m; of a normal distribution 1.2 % lie beyond 2.5 standard deviations, which sum up to 0.42 m.

@@ -11,7 +11,6 @@ Numbers = wp.array(dtype=wp.float64)
 ZERO, ONE, TWO, NS, LEAST = constants(0.0, 1.0, 2.0, 1e9, 1e-6)
 BRAKE, LAG, STANDING = constants(guard.BRAKE, guard.LAG, guard.STANDING)
 UNSURE, BEND_M, EVEN_CHANCE = constants(guard.UNSURE, guard.BEND_M, guard.EVEN_CHANCE)
-HALF, ROOT_TWO = constants(0.5, 2.0**0.5)
 SLOW, IGNORE, PATH = (wp.constant(guard.CHOICES.index(name)) for name in ("slow", "ignore", "path"))
 
 
@@ -44,22 +43,6 @@ class Driven:
     blind: wp.float64
     bend: wp.float64
     is_over: wp.int32
-
-
-@wp.func
-def within(room: wp.float64, away: wp.float64, sd: wp.float64) -> wp.float64:
-    """Chance of a normal error about `away` no larger than `room`."""
-    scale = ROOT_TWO * sd
-    return HALF * (wp.erf((room - away) / scale) + wp.erf((room + away) / scale))
-
-
-@wp.func
-def chance_within(room: wp.float64, sd: wp.float64, away: wp.float64, chance: wp.float64) -> wp.float64:
-    """That the edge lies within `room` of where it is told, where it lies `away` from there with a chance."""
-    if not (wp.isfinite(away) and wp.isfinite(chance)):
-        return within(room, ZERO, wp.max(sd, LEAST))
-    own = wp.sqrt(wp.max(sd * sd - chance * away * away, LEAST))
-    return (ONE - chance) * within(room, ZERO, own) + chance * within(room, away, own)
 
 
 @wp.kernel
@@ -102,10 +85,7 @@ def bound_speeds(
     if speed >= STANDING:
         travel = speed * wp.float64(clock[2]) / NS
     is_found = confidence[w] > ZERO and wp.isfinite(offset[w])
-    away = other_offset[w] - offset[w]
-    is_known = is_found and not (seen_to[w] < reference_x[w])
-    if is_known and wp.isfinite(offset_sd[w]):
-        is_known = chance_within(p.room, offset_sd[w], away, other_chance[w]) >= EVEN_CHANCE
+    is_known = is_found and not (seen_to[w] < reference_x[w]) and not (EVEN_CHANCE * offset_sd[w] > p.room)
     blind = driven[w].blind + travel
     if is_known:
         blind = ZERO
@@ -118,7 +98,7 @@ def bound_speeds(
     most = wp.min(wanted, wp.sqrt(p.bend / wp.max(bend, LEAST)))
     low = UNSURE * p.sure
     trust = wp.min(wp.max((confidence[w] - low) / (p.sure - low), ZERO), ONE)
-    if wp.abs(away) > p.room:  # nan where there is no other place
+    if wp.abs(other_offset[w] - offset[w]) > p.room:  # nan where there is no other place
         trust = trust * (ONE - other_chance[w])
     slow = wp.min(p.slow, wanted)
     bound = wp.min(most, slow + trust * wp.max(wanted - slow, ZERO))

@@ -10,7 +10,7 @@ LAG = 0.25  # s from a wanted speed to the way driven
 STANDING = 0.05  # m/s, below that it is noise of the odometry at rest (0.02 m/s with level `error`)
 UNSURE = 0.6  # share of `sure` at which the speed is down to `slow_kmh`
 BEND_M = 1.0  # m of travel over which the bend of the edge is averaged
-EVEN_CHANCE = 0.5  # that the edge lies within the room that there is
+EVEN_CHANCE = 0.6745  # of a normal error's deviations, within which it lies as often as not
 CHOICES = "stop", "slow", "ignore", "path"  # of `when_lost`
 
 
