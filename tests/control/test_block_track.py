@@ -217,6 +217,8 @@ def test_one_population_never_begins_an_edge_however_far_it_is_driven(seed):
         track, travel = search(lambda beside, of=population: np.tile(of, (len(beside), 1)), seed, blocks=40)
         assert np.isnan(travel)
         assert len(track.save()["scans"]) <= (LONGEST + 2.0 * TRAVEL) / TRAVEL  # and nothing piles up
+
+
 def test_an_echo_of_the_air_at_the_scanner_says_that_nothing_answered():
     """At 0.7 to 1.5 m no crop stands: in fog and behind a dirty window beams that meet none answer there."""
     azimuth, ranges = np.linspace(-1.0, 1.0, 41), np.random.default_rng(1).uniform(0.7, 1.49, (41, 1))
