@@ -115,7 +115,7 @@ class Row(Samples):
         try:
             self.memory[world] = tuple(values)
             if any(values[place] != self.memory[self.names[place]][world] for place in self._wholes):
-                raise ValueError("a part of a whole number")
+                raise ValueError("expected a whole number")
         except (TypeError, ValueError, OverflowError) as error:
             given = {name: getattr(sample, name) for name in self.names}
             raise SwathError(f"{self.kind.__name__}: {error}, in {given}") from error
