@@ -10,7 +10,7 @@ from typing import Any
 from swath.core.asked import bare
 from swath.core.errors import InputError, SwathError
 from swath.core.fault import _keys
-from swath.core.signal import quantities
+from swath.core.layout import quantities
 from swath.documents.data_sheets import sheet_names
 from swath.documents.validation import schema_of
 from swath.field.weather import Weather

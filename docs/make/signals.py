@@ -5,15 +5,12 @@ python -m docs.make.signals     writes both anew
 
 import inspect
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
-from typing import get_type_hints
 
-from swath.core.frames import Pose
-from swath.core.signal import Message, Quantity, Signal, quantities, signal_types, span_of
+from swath.core.layout import Field, layout
+from swath.core.signal import Message, Signal, signal_types, span_of
 from swath.record.tracks import arrays_of
 from swath.scenario.slots import SLOTS
-from swath.signals.flat import ARRAYS
 
 DOCS = Path(__file__).parents[1] / "reference"
 BEGIN, END = "<!-- made by docs/make/signals.py -->", "<!-- end -->"
@@ -104,23 +101,18 @@ def _section(signal: type[Signal]) -> str:
         "| field | type | unit | range | meaning | nan | column of tracks |",
         "|---|---|---|---|---|---|---|",
     ]
-    hints, known = get_type_hints(signal), quantities(signal)
-    lines += [_row(f.name, hints[f.name], known[f.name]) for f in fields(signal) if f.name in known]
+    lines += [_row(field) for field in layout(signal).values()]
     return "\n".join(lines) + "\n"
 
 
-def _row(name: str, hint: type, quantity: Quantity) -> str:
-    kind = (
-        "pose"
-        if hint is Pose
-        else f"({', '.join(map(str, quantity.shape))})"
-        if hint in ARRAYS
-        else hint.__name__
-    )
+def _row(field: Field) -> str:
+    name, quantity, kind = field.name, field.quantity, field.kind
+    shape = f"({', '.join(map(str, quantity.shape))})"
+    said = "pose" if kind == "pose" else shape if kind == "array" else field.declared.__name__
     meaning = quantity.meaning.replace("|", "\\|") + (" (amount)" if quantity.is_amount else "")
     columns = ", ".join(f"`{c.name}`" for c in quantity.tracks)
-    ends = "" if hint is bool else " to ".join(f"{end:g}" for end in span_of(name, quantity))
-    return f"| `{name}` | {kind} | {quantity.unit or '-'} | {ends} | {meaning} | {quantity.nan} | {columns} |"
+    ends = "" if kind == "bool" else " to ".join(f"{end:g}" for end in span_of(name, quantity))
+    return f"| `{name}` | {said} | {quantity.unit or '-'} | {ends} | {meaning} | {quantity.nan} | {columns} |"
 
 
 def with_table(page: str) -> str:

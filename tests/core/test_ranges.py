@@ -1,8 +1,7 @@
 """Every numeric field of every signal has a range: what lies in it is taken, what lies outside is refused."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from random import Random
-from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -12,18 +11,19 @@ from swath.core.checked import CheckedOutput
 from swath.core.component import Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.signal import quantities, span_of
-from swath.signals.flat import ARRAYS, build, flat_fields
+from swath.core.layout import layout
+from swath.core.signal import span_of
+from swath.signals.flat import build, flat_fields
 from swath.signals.radar import RadarTargets
 from swath.signals.scan import Scan
 
 FIELDS = [
-    (signal, field.name)
+    (signal, name)
     for signal in bundled_signals()
-    for field in fields(signal)
-    if field.name != "t" and get_type_hints(signal)[field.name] is not bool
+    for name, field in layout(signal).items()
+    if field.kind != "bool"
 ]
-RANGES = {(signal, name): span_of(name, quantities(signal)[name]) for signal, name in FIELDS}
+RANGES = {(signal, name): span_of(name, layout(signal)[name].quantity) for signal, name in FIELDS}
 RECEIVED = [(Scan, "intensity"), (RadarTargets, "rcs"), (RadarTargets, "snr")]
 DRAWN = 3  # inside and outside, of each field
 
@@ -79,8 +79,8 @@ def test_in_range_is_taken_outside_is_refused(signal):
     right = sample(signal)
     assert check.pass_on(0, {"sent": right})
     for name in (name for kind, name in FIELDS if kind is signal):
-        (low, high), hint = RANGES[signal, name], get_type_hints(signal)[name]
-        is_whole = hint is int or ARRAYS.get(hint) in (np.uint8, np.uint16)
+        (low, high), number = RANGES[signal, name], layout(signal)[name].number
+        is_whole = number.kind in "iu"
         far = max(high - low, 1.0)
         inside = [low, high, *(rng.uniform(low, high) for _ in range(DRAWN))]
         outside = [*(low - rng.uniform(0.01, 9.0) * far for _ in range(DRAWN)),
@@ -88,7 +88,7 @@ def test_in_range_is_taken_outside_is_refused(signal):
         if is_whole:
             inside = [round(v) for v in inside]
             outside = [int(np.floor(v)) if v < low else int(np.ceil(v)) for v in outside[:-1]]
-        ends = np.float32 if ARRAYS.get(hint) is np.float32 else type(inside[0])
+        ends = np.float32 if number == np.float32 else type(inside[0])
         for value in inside:
             assert check.pass_on(0, {"sent": with_value(right, name, ends(value))})
         for value in outside:

@@ -8,7 +8,8 @@ import pytest
 
 from swath.core.frames import Pose
 from swath.core.frozen import frozen
-from swath.core.signal import About, Quantity, Signal, quantities
+from swath.core.layout import quantities
+from swath.core.signal import About, Quantity, Signal
 from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluators.unloading import Unloading
 from swath.record.recorder import Recorder

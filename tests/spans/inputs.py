@@ -13,11 +13,12 @@ import numpy as np
 
 from swath.core.checked import CheckedOutput, misfit
 from swath.core.errors import SwathError
-from swath.core.signal import quantities, span_of
+from swath.core.layout import Field, quantities
+from swath.core.signal import span_of
 from swath.scenario.scenario import load_scenario
 from swath.scenario.slots import CATALOGUE, FIELD_LEVELS
 from swath.signals import OrganSettings, Signal, ranges
-from swath.signals.flat import FlatField, build, flat_fields
+from swath.signals.flat import build, flat_fields
 from swath.tools.part.isolate import Arrival, IsolatedPart
 from tests.spans.keys import FILES, ON_CART, placed, usual_part
 
@@ -41,7 +42,7 @@ class Span(NamedTuple):
         return f"{self.slot}.{self.level}: {self.output[1]}.{self.field} = {self.value:g}"
 
 
-def ends(signal: type[Signal], field: FlatField) -> list[float]:
+def ends(signal: type[Signal], field: Field) -> list[float]:
     """Both ends of its span, and nan where it may be."""
     quantity = field.quantity
     return [v for v in span_of(field.name, quantity) if np.isfinite(v)] + [np.nan] * bool(quantity.nan)

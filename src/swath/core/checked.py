@@ -5,9 +5,8 @@ that only the others pay for this.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from math import inf, isfinite
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,8 @@ from swath.core.component import Outputs, Port
 from swath.core.errors import InputError, shortened
 from swath.core.fault import NOTHING, Fault, FaultyOutput
 from swath.core.frames import Pose
-from swath.core.signal import Quantity, Signal, per_signal, quantities, span_of
+from swath.core.layout import layout
+from swath.core.signal import Quantity, Signal, per_signal, span_of
 
 Check = Callable[[Any], bool]
 
@@ -64,7 +64,7 @@ def misfit(sample: Signal) -> tuple[str, str] | None:
 
 def _wrong(sample: Signal, field: str) -> Any:
     """The value of a field; of an array the first number that is out of range, if that is what is wrong."""
-    value, (low, high) = getattr(sample, field), span_of(field, quantities(type(sample))[field])
+    value, (low, high) = getattr(sample, field), span_of(field, layout(type(sample))[field].quantity)
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
         outside = value[(value < low) | (value > high)]
         return outside[0].item() if outside.size else value
@@ -74,24 +74,23 @@ def _wrong(sample: Signal, field: str) -> Any:
 @per_signal
 def _checks(signal: type[Signal]) -> list[tuple[str, Check, str]]:
     """For each field of a sample type: its name, what holds for a right value, and that in words."""
-    hints, found = get_type_hints(signal, include_extras=True), list[tuple[str, Check, str]]()
-    for field in fields(signal):
-        hint = hints[field.name]
-        if get_origin(hint) is not Annotated:
+    found = list[tuple[str, Check, str]]()
+    for name, field in layout(signal).items():
+        if not field.is_noted:
             continue
-        kind, quantity = get_args(hint)[:2]
-        low, high = span_of(field.name, quantity)
+        kind, quantity = field.kind, field.quantity
+        low, high = span_of(name, quantity)
         what = "finite" if (low, high) == (-inf, inf) else f"from {low:g} to {high:g}"
         nan = f", or nan: {quantity.nan}" if quantity.nan else ""
-        if kind is bool:
-            found.append((field.name, lambda value: value in (True, False), "true or false"))
-        elif kind in (float, int):
-            found.append((field.name, _number(low, high, bool(nan)), f"a number, {what}{nan}"))
-        elif kind is Pose:
-            found.append((field.name, _pose(low, high), f"a Pose, its place {what}"))
-        elif get_origin(kind) is np.ndarray:
+        if kind == "bool":
+            found.append((name, lambda value: value in (True, False), "true or false"))
+        elif kind in ("real", "int"):
+            found.append((name, _number(low, high, bool(nan)), f"a number, {what}{nan}"))
+        elif kind == "pose":
+            found.append((name, _pose(low, high), f"a Pose, its place {what}"))
+        elif kind == "array":
             shape = f"({', '.join(map(str, quantity.shape))})"
-            found.append((field.name, _array(low, high, quantity), f"an array {shape}, {what}{nan}"))
+            found.append((name, _array(low, high, quantity), f"an array {shape}, {what}{nan}"))
     return found
 
 

@@ -13,9 +13,10 @@ import numpy as np
 
 from swath.core.component import KeepsState, Outputs, Port
 from swath.core.errors import InputError
+from swath.core.layout import quantities
 from swath.core.random import Stream
 from swath.core.schedule import NS
-from swath.core.signal import Quantity, Signal, quantities, span_of
+from swath.core.signal import Quantity, Signal, span_of
 from swath.core.units import UNITS
 
 Window = tuple[float, float]

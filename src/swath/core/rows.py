@@ -9,7 +9,7 @@ from dataclasses import fields
 from functools import cache
 from math import prod
 from operator import attrgetter
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 from weakref import finalize
 
 import numpy as np
@@ -18,18 +18,14 @@ from numpy.typing import NDArray
 
 from swath.core.errors import SwathError
 from swath.core.frames import Pose
-from swath.core.signal import Signal, field_types, per_signal
+from swath.core.layout import OBJECT, POSE, Field, layout
+from swath.core.signal import Signal, per_signal
 from swath.core.together import Samples, field_of, plain
 
 # Numbers by which compiled code knows a trail: address of its samples, how many there are and how many have
 # room, addresses of times, stamps, orders.
 HEAD, COUNT = 6, 1
-FORMS: dict[Any, Any] = {
-    float: np.float64,
-    int: np.int64,
-    bool: np.bool_,
-    Pose: (np.float64, (12,)),  # position, then rows of the rotation
-}
+NO_NUMBERS = ("array", "object")  # what needs an own place, see `Room`
 Ints = NDArray[np.int64]
 LINE = 64  # bytes: fields that are arrays begin at such a place
 SMALL = 1 << 17  # bytes: less comes from memory that the process has anyway, not in new pages
@@ -225,16 +221,17 @@ def _pose(numbers: Sequence[float]) -> Pose:
 @cache
 def _fields(kind: type[Signal], names: tuple[str, ...]) -> tuple[Any, list[int], list[int], bool]:
     """What reads `t` and fields of a sample; places of poses and integers; whether they make one."""
-    hints = {"t": int, **field_types(kind)}
-    poses, wholes = ([k for k, name in enumerate(names) if hints[name] is form] for form in (Pose, int))
+    forms = {"t": "int", **{name: field.kind for name, field in layout(kind).items()}}
+    poses, wholes = ([k for k, name in enumerate(names) if forms[name] == form] for form in ("pose", "int"))
     is_plain = all(f.init and not f.kw_only for f in fields(kind)) and not hasattr(kind, "__post_init__")
-    is_whole = is_plain and names[names[:1] == ("t",) :] == (*_forms(kind),)
+    is_whole = is_plain and names[names[:1] == ("t",) :] == (*layout(kind),)
     return attrgetter("t", *(names or ("t",))), poses, wholes, is_whole
 
 
 def held_row(kind: type[Signal], worlds: int) -> Row:
     """A new row for any samples of a type: with the `t` of each, and what is no number as it is."""
-    members = [_member(name, form or object) for name, form in _forms(kind).items()]
+    every = layout(kind).values()
+    members = [_member(field, OBJECT if field.kind == "array" else field.number) for field in every]
     return Row(kind, np.zeros(worlds, np.dtype([("t", np.int64), *members], align=True)))
 
 
@@ -245,8 +242,8 @@ def row_with(sample: Signal) -> Row:
     return row
 
 
-def _member(name: str, form: Any) -> tuple[Any, ...]:
-    return (name, *(form if isinstance(form, tuple) else (form,)))
+def _member(field: Field, number: Any) -> tuple[Any, ...]:
+    return (field.name, number, (POSE,)) if field.kind == "pose" else (field.name, number)
 
 
 def row_at(kind: type[Signal], memory: NDArray[Any], t: int, alike: Mapping[str, Any] | None = None) -> Row:
@@ -269,13 +266,12 @@ def row_of(
     rooms: of fields that are arrays; alike: fields that are the same in all samples
     SwathError where a field is no number, flag, pose or array of a known size.
     """
-    forms, rooms, alike = _forms(kind), rooms or {}, alike or {}
-    held = [name for name in names or forms if name not in alike]
-    wrong = [name for name in held if forms[name] is None and name not in rooms]
-    if wrong:
+    known, rooms, alike = layout(kind), rooms or {}, alike or {}
+    held = [known[name] for name in names or known if name not in alike]
+    if wrong := [field.name for field in held if field.kind in NO_NUMBERS and field.name not in rooms]:
         raise SwathError(f"{kind.__name__}.{wrong[0]}: expected a number, a flag or a pose")
-    members = [_member(name, forms[name]) for name in held]
-    dtype = np.dtype(members, align=True) if not rooms else _with_arrays(kind, held, rooms)
+    members = [_member(field, field.number) for field in held]
+    dtype = np.dtype(members, align=True) if not rooms else _with_arrays(members, rooms)
     return Row(kind, np.zeros(worlds, dtype), alike)
 
 
@@ -285,47 +281,32 @@ def row_like(sample: Samples | Signal, worlds: int) -> Row:
     if can_be_row(kind):
         return row_of(kind, worlds)
     rooms = dict[str, Room]()
-    for name, form in _forms(kind).items():
-        if form is None and isinstance(sample, Samples) and name in sample.arrays:
+    for name in (name for name, field in layout(kind).items() if field.kind in NO_NUMBERS):
+        if isinstance(sample, Samples) and name in sample.arrays:
             rooms[name] = Room(sample.arrays[name].shape[1:])
-        elif form is None:
+        else:
             value = field_of(sample, name) if isinstance(sample, Samples) else getattr(sample, name)
             rooms[name] = Room(np.shape(value))
     return row_of(kind, worlds, rooms=rooms)
 
 
-def _with_arrays(kind: type[Signal], names: Sequence[str], rooms: Mapping[str, Room]) -> np.dtype[Any]:
+def _with_arrays(members: Sequence[tuple[Any, ...]], rooms: Mapping[str, Room]) -> np.dtype[Any]:
     """The struct of a sample with arrays, with room behind them."""
-    formats, offsets, size, forms = list[Any](), list[int](), 0, _forms(kind)
-    for name in names:
+    formats, offsets, size = list[Any](), list[int](), 0
+    for name, number, *shape in members:
         offsets.append(size)
-        if name in rooms:
-            shape, room = rooms[name]
-            number = _number_of(kind, name)
-            formats.append((number, shape))
-            size += number.itemsize * int(np.prod((max(room, shape[0]), *shape[1:])))
-        else:
-            formats.append(forms[name])
-            size += np.dtype(forms[name]).itemsize
+        own, room = rooms.get(name, Room(*shape or [()]))
+        formats.append((number, own))
+        size += number.itemsize * prod((max(room, own[0]), *own[1:]) if own else ())
         size = -(-size // LINE) * LINE
-    return np.dtype({"names": [*names], "formats": formats, "offsets": offsets, "itemsize": size})
-
-
-def _number_of(kind: type[Signal], name: str) -> np.dtype[Any]:
-    """What an array field holds, as it is declared: NDArray[np.float64]."""
-    (number,) = get_args(get_args(field_types(kind)[name])[1])
-    found: np.dtype[Any] = np.dtype(number)
-    return found
-
-
-def can_be_row(kind: type[Signal]) -> bool:
-    """Whether all its fields are numbers, flags or poses."""
-    return None not in _forms(kind).values()
+    names = [name for name, *_ in members]
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
 
 
 @per_signal
-def _forms(kind: type[Signal]) -> Mapping[str, Any]:
-    return {name: FORMS.get(declared) for name, declared in field_types(kind).items()}
+def can_be_row(kind: type[Signal]) -> bool:
+    """Whether all its fields are numbers, flags or poses."""
+    return all(field.kind not in NO_NUMBERS for field in layout(kind).values())
 
 
 class Trail:

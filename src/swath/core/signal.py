@@ -10,11 +10,11 @@ From this follow its flat numbers, columns of tracks.parquet, ROS 2 message, exa
 its entry in docs/reference/signals.md.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from math import inf
-from typing import Any, ClassVar, Literal, TypeVar, cast, get_type_hints
+from typing import Any, ClassVar, Literal, TypeVar, cast
 
 from swath.core.frozen import frozen
 
@@ -123,26 +123,6 @@ def per_signal(function: Callable[[type[Signal]], T]) -> Callable[[type[Signal]]
     """Remember what a function says of each sample type."""
     kept: Any = cache(function)
     return cast("Callable[[type[Signal]], T]", kept)
-
-
-@per_signal
-def field_types(signal: type[Signal]) -> Mapping[str, Any]:
-    """What each field of a sample type but `t` is declared as, without its notes."""
-    hints = get_type_hints(signal)
-    return {field.name: hints[field.name] for field in fields(signal) if field.name != "t"}
-
-
-@per_signal
-def quantities(signal: type[Signal]) -> dict[str, Quantity]:
-    """What each field of a sample type but `t` holds; one that declares nothing is a plain number."""
-    hints = get_type_hints(signal, include_extras=True)
-    found = {}
-    for field in fields(signal):
-        notes = getattr(hints[field.name], "__metadata__", ())
-        declared = [note for note in notes if isinstance(note, Quantity)]
-        found[field.name] = declared[0] if declared else Quantity("", field.name.replace("_", " "))
-    del found["t"]
-    return found
 
 
 def span_of(field: str, quantity: Quantity) -> tuple[float, float]:

@@ -10,7 +10,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import fields
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -20,8 +19,9 @@ from swath.core.ability import ByMembers
 from swath.core.component import Inputs, Outputs, State
 from swath.core.errors import SwathError
 from swath.core.frames import Pose
+from swath.core.layout import layout
 from swath.core.random import Stream
-from swath.core.signal import Signal, field_types, per_signal
+from swath.core.signal import Signal, per_signal
 
 Given = Mapping[str, Any]  # by port: Samples, a tuple of them for a history, None
 
@@ -84,8 +84,8 @@ class Samples:
 @per_signal
 def _makers(kind: type[Signal]) -> dict[str, Any]:
     """How the fields of the samples of all worlds are made of an array, a list of them."""
-    known: dict[Any, Any] = {float: _numbers, int: _numbers, bool: _numbers, Pose: poses_of}
-    return {name: known.get(declared, _arrays) for name, declared in field_types(kind).items()}
+    known = {"real": _numbers, "int": _numbers, "bool": _numbers, "pose": poses_of}
+    return {name: known.get(field.kind, _arrays) for name, field in layout(kind).items()}
 
 
 def _numbers(array: NDArray[Any]) -> list[Any]:
@@ -135,7 +135,7 @@ def field_of(samples: Samples, name: str) -> Any:
     """Values of a field: of each world, or one for all."""
     if name in samples.arrays:
         return samples.arrays[name]
-    return samples.alike.get(name, next(f.default for f in fields(samples.kind) if f.name == name))
+    return samples.alike.get(name, layout(samples.kind)[name].default)
 
 
 def takes_all(kind: type, method: str) -> bool:

@@ -25,13 +25,14 @@ from numpy.typing import NDArray
 
 from swath.core.blocks import Block
 from swath.core.frames import Pose
+from swath.core.layout import Field, layout
 from swath.core.schedule import NS
-from swath.core.signal import field_types, per_signal
+from swath.core.signal import per_signal
 from swath.core.together import poses_of
 from swath.field.edges.track import EdgeShape
 from swath.field.maps.projection import Origin
 from swath.record.samples import DEFINITION, MSGTYPE
-from swath.signals import F32, F64, U8, U16, Signal
+from swath.signals import F64, Signal
 from swath.signals.setup import MachineGeometry
 
 STAMPS = ("header.stamp.sec", "clock.sec")
@@ -100,8 +101,8 @@ class Template:
         """The bytes of the message with another stamp [ns] and other numbers."""
         data = bytearray(self._data)
         self._stamp.pack_into(data, self._at, *divmod(max(int(t), 0), NS))
-        for layout, at, part in self._runs:
-            layout.pack_into(data, at, *values[part])
+        for numbers, at, part in self._runs:
+            numbers.pack_into(data, at, *values[part])
         return bytes(data)
 
     def fill_all(self, t: NDArray[np.int64], columns: Sequence[Any]) -> list[bytes]:
@@ -159,17 +160,6 @@ class _Walk:
         return at
 
 
-FIELD_TYPES = {
-    float: "float64",
-    int: "int64",
-    bool: "bool",
-    str: "string",
-    F64: "float64[]",
-    F32: "float32[]",
-    U8: "uint8[]",
-    U16: "uint16[]",
-    Pose: "geometry_msgs/Pose",
-}
 # Public definitions that rosbags' Jazzy set lacks, and that of swath which no sample type gives.
 OWN_TYPES = {
     MSGTYPE: DEFINITION,
@@ -323,7 +313,7 @@ def _parsed(text: str, name: str) -> Any:
 def definition(signal: type[Signal]) -> str:
     """The .msg text of a sample type: a header in place of `t`, then its fields by name.
 
-    Fields that no ROS 2 type fits (see FIELD_TYPES) are left out.
+    Fields that no ROS 2 type fits are left out.
     """
     lines = ["std_msgs/Header header"]
     lines += [f"{kind} {name}" for name, kind in _field_kinds(signal).items()]
@@ -338,7 +328,18 @@ def plain_names(signal: type[Signal]) -> tuple[str, ...] | None:
 
 
 def _field_kinds(signal: type[Signal]) -> dict[str, str]:
-    return {name: FIELD_TYPES[hint] for name, hint in field_types(signal).items() if hint in FIELD_TYPES}
+    kinds = {name: _field_kind(field) for name, field in layout(signal).items()}
+    return {name: kind for name, kind in kinds.items() if kind}
+
+
+def _field_kind(field: Field) -> str:
+    """Type of ROS 2; "" = none fits."""
+    if field.kind == "pose":
+        return "geometry_msgs/Pose"
+    if field.kind == "object":
+        return "string" if field.declared is str else ""
+    number = field.number.name if field.number.name in CODES else ""
+    return f"{number}[]" if number and field.kind == "array" else number
 
 
 UNKNOWN = 1e6  # variance of what nobody knows

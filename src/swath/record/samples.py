@@ -8,13 +8,14 @@ columns of times and one per field. A field that is the same array in all sample
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
 from operator import attrgetter
-from typing import Any, get_type_hints
+from typing import Any
 
 import numpy as np
 
 from swath.core.blocks import Block
 from swath.core.errors import InputError, reason_of
 from swath.core.frames import Pose
+from swath.core.layout import layout
 from swath.core.schedule import NS
 from swath.core.signal import signal_types
 from swath.record import packed_columns
@@ -330,13 +331,11 @@ def _are_same(first: np.ndarray, values: _Column) -> bool:
 
 def _build(kind: Any, t: int, columns: dict[str, Any], index: int, prefix: str = "") -> Any:
     """A dataclass from its columns; a field that has none gets its default."""
-    hints, values = get_type_hints(kind), {}
-    for field in fields(kind):
-        name = prefix + field.name
-        if name == "t":
-            values["t"] = t
-        elif name in columns:
-            values[field.name] = columns[name][index]
-        elif is_dataclass(hints[field.name]):
-            values[field.name] = _build(hints[field.name], t, columns, index, name + ".")
+    values: dict[str, Any] = {} if prefix else {"t": t}
+    for own, field in layout(kind).items():
+        name = prefix + own
+        if name in columns:
+            values[own] = columns[name][index]
+        elif is_dataclass(field.declared):
+            values[own] = _build(field.declared, t, columns, index, name + ".")
     return kind(**values)

@@ -22,8 +22,9 @@ from swath.core.blocks import Block
 from swath.core.errors import InputError, SwathError
 from swath.core.files.unnamed_file import UnnamedFile
 from swath.core.files.whole_file import new_file
+from swath.core.layout import quantities
 from swath.core.schedule import NS
-from swath.core.signal import TrackColumn, quantities, signal_types
+from swath.core.signal import TrackColumn, signal_types
 from swath.documents.packed import open_parquet
 from swath.record.formats import TRACKS, check_format
 from swath.record.message_factory import RecordedMachine

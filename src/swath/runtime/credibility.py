@@ -28,11 +28,12 @@ from swath.core.abilities import Ending, HasRanges
 from swath.core.blocks import ShownToAll
 from swath.core.errors import InputError
 from swath.core.estimate import Estimate, held
+from swath.core.layout import quantities
 from swath.core.number_text import span
 from swath.core.packed_state import saved_type
 from swath.core.registry import OWN_LAW, Checked, KnownError
 from swath.core.schedule import NS
-from swath.core.signal import Signal, quantities
+from swath.core.signal import Signal
 from swath.core.units import rounded
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluator import HasEvents, HasSignals, Metric, SeesAll

@@ -6,7 +6,7 @@ from typing import Any
 from swath.core.asked import replaced
 from swath.core.errors import InputError
 from swath.core.fault import Fault, FaultyOutput
-from swath.core.signal import quantities
+from swath.core.layout import quantities
 from swath.core.units import MS, PERCENT
 from swath.scenario.resolved import SlotChoice
 from swath.signals import MachineState

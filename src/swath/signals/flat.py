@@ -5,7 +5,6 @@ ranges, beam_t ...            whole arrays
 """
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
 from math import prod
 from typing import Any
 
@@ -13,43 +12,24 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.frames import Pose
-from swath.core.signal import Quantity, field_types, per_signal, quantities
-from swath.signals import F32, F64, U8, U16, Signal
+from swath.core.layout import Field, layout
+from swath.core.signal import Quantity, Signal, per_signal
 
 Value = Any  # float, int, bool or an array, as the field's kind says
 POSE = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
-ARRAYS: dict[Any, Any] = {F64: np.float64, F32: np.float32, U8: np.uint8, U16: np.uint16}
-_KINDS: dict[Any, str] = {float: "real", int: "int", bool: "bool", **dict.fromkeys(ARRAYS, "array")}
-
-
-@dataclass(frozen=True)
-class FlatField:
-    """One number of a sample. kind: real, int, bool or array; default None: must be given."""
-
-    name: str
-    kind: str
-    quantity: Quantity
-    default: Value = None
-
-    @property
-    def unit(self) -> str:
-        """SI unit, "" = a plain number."""
-        return self.quantity.unit
 
 
 @per_signal
-def flat_fields(signal: type[Signal]) -> dict[str, FlatField]:
-    """The numbers of a sample type by name, in the order of its fields; `t` is not among them."""
-    known = quantities(signal)
-    found: dict[str, FlatField] = {}
-    defaults = {f.name: None if f.default is MISSING else f.default for f in fields(signal)}
-    for whole, hint in field_types(signal).items():
-        if hint is Pose:
+def flat_fields(signal: type[Signal]) -> dict[str, Field]:
+    """The numbers of a sample type by name, in the order of its fields: real, int, bool or array."""
+    found: dict[str, Field] = {}
+    for whole, field in layout(signal).items():
+        if field.kind == "pose":
             for part, unit in POSE.items():
                 name = f"{whole}.{part}"
-                found[name] = FlatField(name, "real", Quantity(unit, f"{part} of {known[whole].meaning}"))
-        elif hint in _KINDS:
-            found[whole] = FlatField(whole, _KINDS[hint], known[whole], defaults[whole])
+                found[name] = Field(name, "real", Quantity(unit, f"{part} of {field.quantity.meaning}"))
+        elif field.is_array or field.kind in ("real", "int", "bool"):
+            found[whole] = field
     return found
 
 
@@ -62,7 +42,7 @@ def amounts(signal: type[Signal]) -> tuple[str, ...]:
 @per_signal
 def is_bulky(signal: type[Signal]) -> bool:
     """True when a sample has an array of several dimensions: too long for a list of named numbers."""
-    return any(len(quantity.shape) > 1 for quantity in quantities(signal).values())
+    return any(len(field.quantity.shape) > 1 for field in layout(signal).values())
 
 
 def read(sample: Signal, name: str) -> Value:
@@ -89,16 +69,16 @@ def build(signal: type[Signal], t: int, values: Mapping[str, Value]) -> Signal:
     if missing:
         raise InputError(signal.__name__, None, f"expected a value for {', '.join(missing)}")
     lengths, made = _lengths(known, values), dict[str, Any]()
-    for name, hint in field_types(signal).items():
-        if hint is Pose:
+    for name, field in layout(signal).items():
+        if field.kind == "pose":
             at = [float(values[f"{name}.{part}"]) for part in POSE]
             made[name] = Pose.from_euler(tuple(at[:3]), roll=at[3], pitch=at[4], yaw=at[5])
         elif name in values:
-            made[name] = _typed(values[name], known[name], hint, lengths)
+            made[name] = _typed(values[name], field, lengths)
     return signal(t, **made)
 
 
-def _lengths(known: Mapping[str, FlatField], values: Mapping[str, Value]) -> dict[str | int, int]:
+def _lengths(known: Mapping[str, Field], values: Mapping[str, Value]) -> dict[str | int, int]:
     """Length of each dimension by name: a whole number of that name, else what the sizes of arrays leave."""
     found: dict[str | int, int] = {n: round(v) for n, v in values.items() if known[n].kind == "int"}
     for name in sorted(values, key=lambda n: len(known[n].quantity.shape)):
@@ -110,12 +90,12 @@ def _lengths(known: Mapping[str, FlatField], values: Mapping[str, Value]) -> dic
     return found
 
 
-def _typed(value: Value, field: FlatField, hint: Any, lengths: Mapping[str | int, int]) -> Value:
+def _typed(value: Value, field: Field, lengths: Mapping[str | int, int]) -> Value:
     if field.kind == "bool":
         return bool(value)
     if field.kind != "array":
         return round(value) if field.kind == "int" else float(value)
-    array, shape = np.asarray(value, dtype=ARRAYS[hint]), field.quantity.shape
+    array, shape = np.asarray(value, dtype=field.number), field.quantity.shape
     if array.ndim != 1 or len(shape) < 2:
         return array
     try:  # given row by row

@@ -7,10 +7,11 @@ from typing import Any
 
 from swath.core.component import Port
 from swath.core.errors import InputError
+from swath.core.layout import Field
 from swath.documents.validation import near_miss
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.units import Scale, Unit, describe, parse_unit, scale
-from swath.signals.flat import FlatField, amounts, flat_fields
+from swath.signals.flat import amounts, flat_fields
 from swath.signals.setup import LinkSetup
 
 RATE = "/s"
@@ -27,7 +28,7 @@ class Into:
 
     variable: Variable
     port: str
-    field: FlatField
+    field: Field
     mode: str
     scale: Scale
 
@@ -37,7 +38,7 @@ class Out:
     """A number of an output port and the FMU variable it comes from."""
 
     port: str
-    field: FlatField
+    field: Field
     variable: Variable
     scale: Scale
 
@@ -218,7 +219,7 @@ class _Maker:
             found.setdefault(port.name, {})[field.name] = float("nan") if value == "nan" else value
         return found
 
-    def _guess_output(self, port: Port, field: FlatField) -> Variable | None:
+    def _guess_output(self, port: Port, field: Field) -> Variable | None:
         names = _spellings(port.name, field.name)
         fits = [
             v
@@ -227,7 +228,7 @@ class _Maker:
         ]
         return min(fits, key=lambda v: names.index(_plain(v.name)), default=None)
 
-    def _out(self, key: str, port: Port, field: FlatField, variable: Variable) -> Out:
+    def _out(self, key: str, port: Port, field: Field, variable: Variable) -> Out:
         _check_kind(key, variable.name, variable)
         if variable.is_array != (field.kind == "array"):
             what = "an array" if field.kind == "array" else "a single number"
@@ -267,7 +268,7 @@ class _Maker:
             raise InputError(key, value, text)
         return found
 
-    def _field(self, key: str, name: str, value: str, ports: tuple[Port, ...]) -> tuple[Port, FlatField]:
+    def _field(self, key: str, name: str, value: str, ports: tuple[Port, ...]) -> tuple[Port, Field]:
         there = {f"{p.name}.{f}": (p, field) for p in ports for f, field in flat_fields(p.signal).items()}
         if name not in there:
             listed = "; ".join(_listed(p) for p in ports) or "nothing, the slot has no such ports"

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.frames import Pose
-from swath.core.signal import field_types
+from swath.core.layout import layout
 from swath.record.read import motion, positioning, radar, scans
 from swath.record.read.fields import Context, Maker, Makers
 from swath.record.read.frames import pose_of
 from swath.signals import Signal
-from swath.signals.flat import ARRAYS
 
 MAKERS: Makers = {**scans.MAKERS, **motion.MAKERS, **positioning.MAKERS, **radar.MAKERS}
 PACKAGES = (
@@ -38,16 +36,13 @@ def message_names(signal: type[Signal]) -> list[str]:
 
 def _of_own(signal: type[Signal], message: Any, t: int) -> Signal:
     """A swath_msgs message by its fields; arrays are flat there."""
-    values = {}
-    for name, hint in field_types(signal).items():
+    values = dict[str, Any]()
+    for name, field in layout(signal).items():
         if not hasattr(message, name):
             continue
         value = getattr(message, name)
-        if hint is Pose:
-            value = pose_of(value)
-        elif hint in ARRAYS:
-            value = np.array(value, dtype=ARRAYS[hint])
+        if field.kind == "pose":
+            values[name] = pose_of(value)
         else:
-            value = hint(value)
-        values[name] = value
+            values[name] = np.array(value, field.number) if field.is_array else field.declared(value)
     return signal(t, **values)

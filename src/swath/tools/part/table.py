@@ -17,10 +17,11 @@ from swath.core.checked import misfit
 from swath.core.component import Port
 from swath.core.errors import InputError, raise_all, reason_of
 from swath.core.files.whole_file import write_csv
+from swath.core.layout import Field
 from swath.core.number_text import num
 from swath.core.schedule import NS
 from swath.documents.text_file import text_lines
-from swath.signals.flat import FlatField, build, flat_fields, read
+from swath.signals.flat import build, flat_fields, read
 from swath.tools.part.isolate import Arrival, IsolatedPart, Output
 
 TIME = "t_s"
@@ -37,7 +38,7 @@ class Inputs(NamedTuple):
     end: int
 
 
-def columns_of(part: IsolatedPart, ports: dict[Output, Port]) -> dict[str, tuple[Output, FlatField]]:
+def columns_of(part: IsolatedPart, ports: dict[Output, Port]) -> dict[str, tuple[Output, Field]]:
     """Name of a column -> its output and number."""
     return {
         part.column(output, field.name): (output, field)
