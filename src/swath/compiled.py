@@ -77,19 +77,16 @@ class Compiled(ABC):
         self.clock[:] = t, t + dt, dt
         for name, row in self.given.items():
             if inputs[name] is not row:
-                _lay(row, inputs[name])
+                row.take(inputs[name])
         for name, trail in self.heard.items():
-            trail.forget(trail.count)
-            for sample in inputs[name] or ():
-                _lay(trail.row, sample)
-                trail.append(sample.t)
+            trail.lay(inputs[name] or ())
         for stage, launch in enumerate(self._launches or ()):
             launch.launch()
             if self.needs[0]:
                 self.needs[0] = 0
                 self.supply(stage)
         for trail in self.heard.values():
-            trail.forget(trail.count)
+            trail.clear()
         return self.sent_at(t + dt)
 
     def column(self, port: str, name: str, otherwise: float = np.nan) -> Any:
@@ -147,13 +144,6 @@ class Compiled(ABC):
 
         flat = [shared(table.reshape(-1)) for table in tables]
         return repeatable(walk, flat).launch
-
-
-def _lay(row: Row, sample: Samples | Signal) -> None:
-    if isinstance(sample, Signal):
-        row.put(0, sample)
-    else:
-        row.take(sample)
 
 
 IS_WALKED_BY_PYTHON = os.environ.get("SWATH_WALK") == "python"

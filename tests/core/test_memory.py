@@ -5,8 +5,8 @@ import weakref
 
 import numpy as np
 
-from swath.core.blocks import Block, Pile, Seen
-from swath.core.rows import Spare, row_with
+from swath.core.blocks import Block, Seen
+from swath.core.rows import Spare, Trail, row_with
 from swath.signals import SpeedCommand
 
 NUMBERS = np.dtype([("a", np.float64), ("b", np.float64, (3,))])
@@ -28,14 +28,14 @@ def test_memory_is_used_again_once_no_view_of_it_is_left():
 
 def test_samples_are_let_go_without_a_collector():
     """Runs collect cycles rarely: one that held samples would hold all of them."""
-    pile = Pile("combine.speed", "command", row_with(SpeedCommand(0, 1.0)))
-    pile.trail.append(0)
-    seen, known = Seen([Block(pile, 0)]), weakref.ref(pile)
+    trail = Trail(row_with(SpeedCommand(0, 1.0)), 1, ("combine.speed", "command"))
+    trail.append(0)
+    seen, known = Seen([Block(trail, 0)]), weakref.ref(trail)
     assert seen.of_machine("combine").of(SpeedCommand) is not None
     assert seen.of(SpeedCommand, "combine") is not None
     gc.disable()
     try:
-        del seen, pile
+        del seen, trail
         assert known() is None
     finally:
         gc.enable()

@@ -11,8 +11,7 @@ from swath.core.errors import SwathError
 from swath.core.frames import Pose
 from swath.core.frozen import changed, frozen
 from swath.core.graph import Lockstep
-from swath.core.ops import Source
-from swath.core.rows import Room, Row, Trail, can_be_row, held_row, row_like, row_of
+from swath.core.rows import Room, Row, Trail, Waiting, can_be_row, held_row, row_like, row_of
 from swath.core.together import Samples
 from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
@@ -259,9 +258,9 @@ def test_a_trail_keeps_samples_in_order_while_it_grows():
         row.t = 10 * k
         trail.append(10 * k + 1, k)
         kept.append(k)
-        if k % 7 == 3:
-            trail.forget(2)
-            kept = kept[2:]
+        if k == 20:
+            trail.clear()
+            kept = []
     assert trail.count == len(kept)
     found = [trail.at(k) for k in range(trail.count)]
     assert [r.each()[1].curvature for r in found] == [-float(k) for k in kept]
@@ -270,13 +269,28 @@ def test_a_trail_keeps_samples_in_order_while_it_grows():
     assert isinstance(found[0], Row)
 
 
-def test_what_waits_is_what_lies_in_the_trail_of_an_op_whoever_looked_before():
-    row = row_of(SteerCommand, 1)
-    trail = Trail(row, 4)
-    source = Source(trail, is_of_op=True)
-    for curvatures in ((1.0,), (2.0, 3.0)):
-        trail.forget(trail.count)  # as the op does that takes them
-        for value in curvatures:
-            row.arrays["curvature"][:] = value
-            trail.append(0)
-        assert [sent.of(0).curvature for sent in source.since(0)] == [*curvatures]
+@pytest.mark.parametrize("seed", range(6))
+def test_what_waits_at_an_input_is_what_came_since_it_was_taken(seed):
+    """From rows of any form, also where compiled code reads it at a fixed place; whoever looked before."""
+    draw = np.random.default_rng(seed)
+    rows = [row_of(SteerCommand, 2), held_row(SteerCommand, 2), held_row(SteerCommand, 2)]
+    waiting, wanted, row = Waiting(), [], rows[0]
+    for k in range(60):
+        row = rows[int(draw.integers(3))] if draw.random() < 0.2 else row
+        row.take({world: SteerCommand(k, draw.normal(), True) for world in (0, 1)})
+        if waiting.trail(row).is_full:
+            for trail in waiting.trails:
+                trail.is_fixed = False
+        waiting.trail(row).append(k)
+        wanted.append(row.each())
+        if draw.random() < 0.2:
+            place = waiting.fixed(row, 3).address
+            assert [trail.address for trail in waiting.trails] == [place]
+        if draw.random() < 0.5:
+            assert len(waiting) == len(wanted) == len(waiting.rows())
+            for world in (0, 1):
+                each = [sent[world] for sent in wanted]
+                assert waiting.samples(world) == each == [row.of(world) for row in waiting.rows()]
+        if draw.random() < 0.2:
+            waiting.clear()
+            wanted = []

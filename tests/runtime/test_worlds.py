@@ -8,11 +8,11 @@ import pytest
 
 import swath
 from swath.control.speed.constant import ConstantSpeed, Params
-from swath.core.blocks import Block, Pile, Seen
+from swath.core.blocks import Block, Seen
 from swath.core.errors import InputError, SwathError
 from swath.core.frames import Pose
 from swath.core.frozen import frozen
-from swath.core.rows import held_row, row_like
+from swath.core.rows import Trail, held_row, row_like
 from swath.core.signal import Signal
 from swath.core.together import InWorlds, Samples
 from swath.record.digest import Digest, sample_bytes
@@ -362,11 +362,11 @@ def test_the_digest_takes_in_the_same_bytes(seed):
             rows.append(row_like(signals[0], 3))
         for row in rows:
             row.take(dict(enumerate(signals)))
-            pile = Pile("combine.x", "out", row)
+            trail = Trail(row, 1, ("combine.x", "out"))
             for k in range(20):
-                pile.trail.append(9 + k, k)
+                trail.append(9 + k, k)
             for world, signal in enumerate(signals):
-                taken, added, block = Digest(), Digest(), Block(pile, world)
+                taken, added, block = Digest(), Digest(), Block(trail, world)
                 taken.take(Seen([block]))
                 for k in range(20):
                     added("combine.x", 9 + k, {"out": signal})

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.ability import ByMembers
-from swath.core.rows import HEAD, Row, Spare, Trail, row_with
+from swath.core.rows import HEAD, ROOM, Row, Spare, Trail, row_with
 from swath.core.signal import Signal
 from swath.core.together import field_of, plain
 
-ROOM = 16  # samples of an output for which there is memory at first
 Wire = tuple[str, str]
 Ints = NDArray[np.int64]
 S = TypeVar("S", bound=Signal)
@@ -72,83 +71,36 @@ def no_look() -> None:
     """Nothing waits."""
 
 
-class Pile:
-    """What an output sent in every world, as long as it is one row. trail: the samples; some room may follow.
-
-    rows: their bytes, (samples, worlds, size), once somebody has made them
-    """
-
-    def __init__(
-        self,
-        slot: str,
-        output: str,
-        row: Row,
-        room: int = ROOM,
-        head: Ints | None = None,
-        spare: Spare | None = None,
-    ) -> None:
-        self.slot, self.output, self.kind, self.row = slot, output, row.kind, row
-        self.trail, self._count = Trail(row, room, head, spare), -1
-        self.rows: NDArray[np.uint8] | None = None
-
-    def close(self) -> None:
-        """No more come."""
-        self._count = self.trail.count
-
-    @property
-    def count(self) -> int:
-        """How many samples there are of each world."""
-        return self.trail.count if self._count < 0 else self._count
-
-    def array(self, name: str) -> NDArray[Any]:
-        """A field, (samples, worlds, ...)."""
-        found: NDArray[Any] = self.trail.memory[name][: self.count]
-        return found
-
-    @property
-    def worlds(self) -> int:
-        """Number of worlds."""
-        return len(self.row.memory)
-
-    def last(self, name: str, worlds: Sequence[int]) -> NDArray[Any]:
-        """A field of the newest sample in some worlds, (n, ...)."""
-        k = self.count - 1
-        if name not in self.row.names:
-            return np.full(len(worlds), self.trail.stamps[k])
-        newest: NDArray[Any] = self.trail.memory[name][k]
-        return newest if len(worlds) == len(newest) else newest[worlds]
-
-
 class Block:
     """Samples of outputs of one type in one world, in the order in which they were sent."""
 
-    def __init__(self, pile: Pile, world: int) -> None:
-        self.pile, self.world, self.kind = pile, world, pile.kind
-        self.slot, self.output = pile.slot, pile.output
+    def __init__(self, trail: Trail, world: int) -> None:
+        self.trail, self.world, self.kind = trail, world, trail.row.kind
+        self.slot, self.output = trail.wire
         self._columns: dict[str, NDArray[Any]] = {}
-        self._count = pile.count
+        self._count = trail.count
 
     @cached_property
     def orders(self) -> Ints:
         """Place of each among all samples that were sent."""
-        return self.pile.trail.orders[: self._count]
+        return self.trail.orders[: self._count]
 
     @cached_property
     def times(self) -> Ints:
         """When each was sent [ns]."""
-        return self.pile.trail.times[: self._count]
+        return self.trail.times[: self._count]
 
     @cached_property
     def is_even(self) -> bool:
         """Whether all fields are numbers, flags or arrays of one size."""
-        return not self.pile.row.has_objects
+        return not self.trail.row.has_objects
 
     def __len__(self) -> int:
         return self._count
 
     def last(self, name: str) -> Any:
         """A field of the newest."""
-        return self.pile.last(name, [self.world])[0]
+        return self.trail.newest(name, [self.world])[0]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A field, (k, ...); a pose as (k, 12): position, then rows of the rotation."""
@@ -159,15 +111,15 @@ class Block:
 
     def sample(self, k: int) -> Any:
         """One of them."""
-        trail, world, k = self.pile.trail, self.world, k % self._count
-        return trail.row.made(trail.memory[k, world : world + 1], int(trail.stamps[k]))[0]
+        trail, world, k = self.trail, self.world, k % self._count
+        return trail.row.made(trail.memory[k, world : world + 1], [int(trail.stamps[k])])[0]
 
     def before(self, orders: Ints) -> Ints:
         """The newest of these when others were sent, -1 where there was none."""
         return np.searchsorted(self.orders, orders, side="right") - 1
 
     def _column(self, name: str) -> NDArray[Any]:
-        trail, count = self.pile.trail, self._count
+        trail, count = self.trail, self._count
         if name in trail.row.names:
             found: NDArray[Any] = trail.memory[name][:count, self.world]
             return found if found.dtype != object else np.array(found.tolist())
@@ -213,9 +165,9 @@ class Seen:
         """One sample of each output that a slot sent at t [ns]."""
         blocks = []
         for output, signal in outputs.items():
-            pile = Pile(slot, output, row_with(signal), 1)
-            pile.trail.append(t)
-            blocks.append(Block(pile, 0))
+            trail = Trail(row_with(signal), 1, (slot, output))
+            trail.append(t)
+            blocks.append(Block(trail, 0))
         return cls(blocks)
 
     def of(self, kind: type[Signal], machine: str = "") -> Block | None:
@@ -248,29 +200,35 @@ class Seen:
 
 
 class Shown(Mapping[str, Signal]):
-    """What a slot of one world sent at a time; samples are made where they are asked for.
+    """What a slot sent at a time in one world or in several: as a mapping, by output, that in the first.
 
+    Samples are made where they are asked for.
+
+    worlds: their numbers
     blocks: what was sent since the last look
     """
 
-    __slots__ = ("_blocks", "_sent", "_world")
+    def __init__(
+        self, sent: Mapping[str, Row], worlds: Sequence[int], blocks: "Blocks | None" = None
+    ) -> None:
+        self._sent, self.worlds, self._blocks = sent, worlds, blocks
 
-    def __init__(self, sent: Mapping[str, Row], world: int, blocks: "Blocks | None" = None) -> None:
-        self._sent, self._world, self._blocks = sent, world, blocks
+    @classmethod
+    def of_one(cls, outputs: Mapping[str, Signal]) -> "Shown":
+        """What a slot sent in one world."""
+        if isinstance(outputs, Shown):
+            return outputs
+        return cls({name: row_with(signal) for name, signal in outputs.items()}, [0])
 
-    def waiting(self, kind: type[Signal], machine: str) -> Block | None:
-        """What was sent since the last look, of a type and machine; None = nothing."""
-        return None if self._blocks is None else self._blocks.waiting(self._world, kind, machine)
-
-    def to_all(self) -> "ShownToAll":
-        """The same, of one of several worlds."""
-        return ShownToAll(self._sent, [self._world], self._blocks)
+    def of(self, k: int) -> "Shown":
+        """What it sent in the k-th of these worlds."""
+        return Shown(self._sent, [self.worlds[k]], self._blocks)
 
     def __contains__(self, output: object) -> bool:  # without making the sample
         return output in self._sent
 
     def __getitem__(self, output: str) -> Signal:
-        signal: Signal = self._sent[output].view(self._world)
+        signal: Signal = self._sent[output].view(self.worlds[0])
         return signal
 
     def __iter__(self) -> Iterator[str]:
@@ -279,68 +237,45 @@ class Shown(Mapping[str, Signal]):
     def __len__(self) -> int:
         return len(self._sent)
 
+    def waiting(self, kind: type[Signal], machine: str) -> Block | None:
+        """What was sent since the last look, of a type and machine; None = nothing."""
+        return None if self._blocks is None else self._blocks.waiting(self.worlds[0], kind, machine)
+
     def kinds(self) -> tuple[type[Signal], ...]:
-        """Their types."""
-        return tuple(sent.kind for sent in self._sent.values())
+        """Types of the samples."""
+        return tuple(row.kind for row in self._sent.values())
 
     def samples(self, kind: type[S]) -> list[S]:
         """The samples of a type."""
-        found: list[Any] = [r.view(self._world) for r in self._sent.values() if issubclass(r.kind, kind)]
+        found: list[Any] = [row.view(self.worlds[0]) for row in self._rows(kind)]
         return found
 
     def number(self, kind: type[Signal], name: str) -> Any:
         """A field of the sample of a type, a pose as 12 numbers; None without one."""
-        for sent in self._sent.values():
-            if issubclass(sent.kind, kind):
-                return sent.number(self._world, name)
-        return None
-
-
-class ShownToAll:
-    """The same in several worlds. worlds: their numbers."""
-
-    def __init__(
-        self, sent: Mapping[str, Row], worlds: Sequence[int], blocks: "Blocks | None" = None
-    ) -> None:
-        self._sent, self.worlds, self._blocks = sent, worlds, blocks
-
-    @classmethod
-    def of_one(cls, outputs: Mapping[str, Signal]) -> "ShownToAll":
-        """What a slot sent in one world."""
-        if isinstance(outputs, Shown):
-            return outputs.to_all()
-        return cls({output: row_with(signal) for output, signal in outputs.items()}, [0])
-
-    def of(self, k: int) -> Shown:
-        """The samples of the k-th of these worlds."""
-        return Shown(self._sent, self.worlds[k], self._blocks)
+        return next((row.number(self.worlds[0], name) for row in self._rows(kind)), None)
 
     def numbers(self, kind: type[Signal], name: str) -> Sequence[Any] | None:
         """A number of the sample of a type, in each world; None without one."""
-        for sent in self._sent.values():
-            if issubclass(sent.kind, kind):
-                values = sent.values(name)
-                return [values[world] for world in self.worlds]
-        return None
+        values = next((row.values(name) for row in self._rows(kind)), None)
+        return None if values is None else [values[world] for world in self.worlds]
 
     def columns(self, kind: type[Signal], names: Sequence[str]) -> NDArray[np.float64] | None:
         """Numbers of the sample of a type, (worlds, names); None without one."""
-        for sent in self._sent.values():
-            if issubclass(sent.kind, kind):
-                found = np.empty((len(self.worlds), len(names)))
-                for k, name in enumerate(names):
-                    found[:, k] = sent.column(name, self.worlds)
-                return found
+        for row in self._rows(kind):
+            found = np.empty((len(self.worlds), len(names)))
+            for k, name in enumerate(names):
+                found[:, k] = row.column(name, self.worlds)
+            return found
         return None
 
-    def newest(self, kind: type[Signal], machine: str) -> Pile | None:
+    def newest(self, kind: type[Signal], machine: str) -> Trail | None:
         """Where the newest that nobody has looked at lies; None = nowhere."""
-        piles = () if self._blocks is None else self._blocks.piles(kind, machine)
-        return max(
-            (pile for pile in piles if pile.count),
-            key=lambda pile: pile.trail.orders[pile.count - 1],
-            default=None,
-        )
+        trails = () if self._blocks is None else self._blocks.trails(kind, machine)
+        filled = (trail for trail in trails if trail.count)
+        return max(filled, key=lambda trail: trail.orders[trail.count - 1], default=None)
+
+    def _rows(self, kind: type[Signal]) -> Iterator[Row]:
+        return (row for row in self._sent.values() if issubclass(row.kind, kind))
 
 
 def number_of(outputs: Mapping[str, Signal], kind: type[Signal], name: str) -> Any:
@@ -364,11 +299,11 @@ class Blocks:
     """
 
     def __init__(self) -> None:
-        self._piles: dict[Wire, list[Pile]] = {}
+        self._trails: dict[Wire, list[Trail]] = {}  # several where the form of the samples changed
         self._rooms: dict[Wire, int] = {}  # how many samples came before a look
         self._heads: dict[Wire, Ints] = {}
         self._spare: dict[Wire, Spare] = {}
-        self._asked: dict[tuple[type[Signal], str], list[Pile]] = {}  # of `piles`
+        self._asked: dict[tuple[type[Signal], str], list[Trail]] = {}  # of `trails`
         self.order = np.zeros(1, np.int64)
 
     def add(self, slot: str, t: int, outputs: Mapping[str, Row]) -> None:
@@ -376,9 +311,7 @@ class Blocks:
         order = int(self.order[0]) + 1
         self.order[0] = order
         for output, row in outputs.items():
-            piles = self._piles.get((slot, output))
-            pile = piles[-1] if piles and piles[-1].row is row else self._begin(slot, output, row)
-            pile.trail.append(t, order)
+            self._trail((slot, output), row).append(t, order)
 
     def head(self, wire: Wire) -> Ints:
         """The array by which compiled code knows the trail of an output, for life."""
@@ -386,44 +319,39 @@ class Blocks:
 
     def reserve(self, wire: Wire, row: Row, more: int) -> None:
         """A trail of a row with room for so many more samples."""
-        piles = self._piles.get(wire)
-        if piles and piles[-1].row is row:
-            piles[-1].trail.reserve(more)
-        else:
-            self._begin(*wire, row, more)
+        self._trail(wire, row, more).reserve(more)
 
-    def take(self) -> list[Pile]:
+    def take(self) -> list[Trail]:
         """Take everything; from now on it is empty."""
-        found = [pile for piles in self._piles.values() for pile in piles if pile.count]
-        for pile in found:
-            pile.close()
-        self._rooms |= {wire: max(piles[-1].count, 1) for wire, piles in self._piles.items()}
-        self._piles, self._asked = {}, {}
+        found = [trail for trails in self._trails.values() for trail in trails if trail.count]
+        for trail in found:
+            trail.close()
+        self._rooms |= {wire: max(trails[-1].count, 1) for wire, trails in self._trails.items()}
+        self._trails, self._asked = {}, {}
         return found
 
     def waiting(self, world: int, kind: type[Signal], machine: str) -> Block | None:
         """Samples of a type and machine that nobody has looked at."""
-        own = [Block(pile, world) for pile in self.piles(kind, machine) if pile.count]
+        own = [Block(trail, world) for trail in self.trails(kind, machine) if trail.count]
         return (own[0] if len(own) == 1 else Seen(own).of(kind)) if own else None
 
-    def piles(self, kind: type[Signal], machine: str) -> Sequence[Pile]:
+    def trails(self, kind: type[Signal], machine: str) -> Sequence[Trail]:
         """Where the same lies, of all worlds."""
-        piles = self._asked.get((kind, machine))
-        if piles is None:
-            every = (p for piles in self._piles.values() for p in piles if issubclass(p.kind, kind))
-            piles = [pile for pile in every if pile.slot.partition(".")[0] == machine]
-            self._asked[kind, machine] = piles
-        return piles
+        found = self._asked.get((kind, machine))
+        if found is None:
+            every = (t for trails in self._trails.values() for t in trails if issubclass(t.row.kind, kind))
+            found = [trail for trail in every if trail.wire[0].partition(".")[0] == machine]
+            self._asked[kind, machine] = found
+        return found
 
-    def _begin(self, slot: str, output: str, row: Row, room: int = ROOM) -> Pile:
-        """Another pile of an output."""
-        wire = slot, output
-        piles = self._piles.setdefault(wire, [])
-        if piles:
-            piles[-1].close()
-        machine = slot.partition(".")[0]
-        for key in [(kind, of) for kind, of in self._asked if of == machine and issubclass(row.kind, kind)]:
-            del self._asked[key]
-        spare = self._spare.setdefault(wire, Spare())
-        piles.append(Pile(slot, output, row, max(room, self._rooms.get(wire, 0)), self.head(wire), spare))
-        return piles[-1]
+    def _trail(self, wire: Wire, row: Row, room: int = ROOM) -> Trail:
+        """Where the samples of a row come; another one where they came from another row."""
+        trails = self._trails.setdefault(wire, [])
+        if not trails or trails[-1].row is not row:
+            if trails:
+                trails[-1].close()
+            self._asked.clear()
+            spare = self._spare.setdefault(wire, Spare())
+            room = max(room, self._rooms.get(wire, 0))
+            trails.append(Trail(row, room, wire, self.head(wire), spare))
+        return trails[-1]

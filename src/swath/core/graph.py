@@ -17,16 +17,15 @@ from swath.core.errors import SwathError, WiringError
 from swath.core.fault import FaultyOutput
 from swath.core.foreign_code import of_exit
 from swath.core.onlookers import Audience, Onlookers, audiences
-from swath.core.ops import Goal, Member, Op, Program, Queue, Source
+from swath.core.ops import Goal, Member, Op, Program
 from swath.core.random import Stream
-from swath.core.rows import Row, Trail, held_row, row_with
+from swath.core.rows import Row, Waiting, held_row, row_with
 from swath.core.schedule import Plan, Slot, make_plan
 from swath.core.signal import Signal
 from swath.core.together import EndsWorlds, InWorlds, Samples, StepsTogether, Together, takes_all
 
 Wire = tuple[str, str]
 Ints = NDArray[np.int64]
-SOME = 64  # samples for which a trail has room at first
 Given = Samples | Mapping[int, Signal]  # what an output sent: in all worlds, or in some by their numbers
 Observer = Callable[[str, int, Mapping[str, Signal]], None]
 
@@ -222,8 +221,8 @@ class Graph:
 class _Rank:
     """A slot of all worlds. nodes, parts: of each; batch: those that step at once, None = world by world.
 
-    wires: port of which the newest sample is read -> where that is; queues: port -> samples since the last
-    step; sends: output -> its type, its readers' queues
+    wires: port of which the newest sample is read -> where that is; sources: the same of ports with a
+    history; queues: what came to these since the last step; sends: output -> its type
     """
 
     def __init__(self, nodes: Sequence[Node]) -> None:
@@ -232,9 +231,9 @@ class _Rank:
         self.parts = [node.component for node in nodes]
         ports = [(port, first.wires.get(port.name)) for port in self.parts[0].inputs]
         self.wires = [(p.name, wire) for p, wire in ports if wire is None or not p.history]
-        self.queues = {p.name: Queue() for p, wire in ports if wire and p.history}
+        self.queues = {p.name: Waiting() for p, wire in ports if wire and p.history}
         self.sources = {p.name: wire for p, wire in ports if wire and p.history}
-        self.sends: dict[str, tuple[type[Signal], Wire, list[Queue]]] = {}
+        self.sends = {port.name: port.signal for port in self.parts[0].outputs}
         self.may_end = any(isinstance(part, EndsRun) for part in self.parts)
         self.batch: Together | None = None
         # what checks samples, and changes none, of the worlds whose part is not swath's own
@@ -295,7 +294,7 @@ class _Rank:
             if output not in self.sends:
                 given = f"{self.name}.{output}"
                 raise WiringError(f"{given}: there is no such output; it has {sorted(self.sends)}")
-            if type(signal) is not (kind := self.sends[output][0]) and not isinstance(signal, kind):
+            if type(signal) is not (kind := self.sends[output]) and not isinstance(signal, kind):
                 given = type(signal).__name__
                 raise WiringError(f"{self.name}.{output}: gave a {given}, expected a {kind.__name__}")
 
@@ -306,7 +305,7 @@ class _Rank:
             row = latest.get(wire) if wire is not None else None
             found[name] = None if row is None else row.view(world)
         for name, queue in self.queues.items():
-            found[name] = tuple([row.view(world) for row in queue.waiting()])
+            found[name] = tuple(queue.samples(world))
         return found
 
     def newest_of_all(self, latest: Mapping[Wire, Row]) -> dict[str, Any]:
@@ -316,7 +315,7 @@ class _Rank:
             row = latest.get(wire) if wire is not None else None
             found[name] = None if row is None else row.stacked
         for name, queue in self.queues.items():
-            found[name] = tuple(row.stacked for row in queue.waiting())
+            found[name] = tuple(row.stacked for row in queue.rows())
             queue.clear()
         return found
 
@@ -356,7 +355,7 @@ class Lockstep:
         self._program: Program | None = None
         self._until, self._has_room = 0, False  # the next look [ns]; room for what ops send until then
         self._linked: set[Wire] = set()  # what ops read that parts in Python send
-        self._sources: dict[Wire, list[Source]] = {}  # of what comes to inputs with a history by a trail
+        self._readers: dict[Wire, list[Waiting]] = {}  # inputs with a history
         self.connect()
         for graph in graphs:
             graph.lockstep = self
@@ -373,16 +372,12 @@ class Lockstep:
         self._names = {rank.name: rank for rank in ranks}
         self._ending = [rank for rank in ranks if rank.may_end]
         self._latches = any(rank.slot.latch for rank in ranks)
-        self._readers: dict[Wire, list[Queue]] = {}
+        self._readers = {}
         for rank in ranks:
             for name, wire in rank.sources.items():
-                rank.queues[name].set(waiting[key].waiting() if (key := (rank.name, name)) in waiting else ())
-                self._readers.setdefault(wire, []).append(rank.queues[name])
+                queue = rank.queues[name] = waiting.get((rank.name, name), rank.queues[name])
+                self._readers.setdefault(wire, []).append(queue)
         self.look_around(anew=True)
-        for rank in ranks:
-            for port in rank.parts[0].outputs:
-                wire = rank.name, port.name
-                rank.sends[port.name] = port.signal, wire, self._readers.get(wire, [])
 
     def reset(self) -> None:
         """Bring every component to t = 0 and collect the outputs valid there."""
@@ -407,11 +402,11 @@ class Lockstep:
         """Give observers that look now and then what was sent since they did, of worlds that run."""
         self._count_steps()
         self._has_room = False
-        piles = self.blocks.take()
-        self._has_news |= bool(piles)
-        for world in self.going if piles else ():
+        trails = self.blocks.take()
+        self._has_news |= bool(trails)
+        for world in self.going if trails else ():
             if takers := self._watched[world].takers:
-                seen = Seen([Block(pile, world) for pile in piles])
+                seen = Seen([Block(trail, world) for trail in trails])
                 for taker in takers:
                     taker.take(seen)
 
@@ -612,9 +607,9 @@ class Lockstep:
                 wire = slot.name, output
                 if self._takes(slot.name, row.kind):
                     self.blocks.reserve(wire, row, more)
-                for source in self._sources.get(wire, ()):
-                    if not source.is_of_op:
-                        source.trail.reserve(more)
+                for trail in (queue.trail(row) for queue in self._readers.get(wire, ())):
+                    if not trail.is_fixed:
+                        trail.reserve(more)
         self._has_room = True
 
     def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
@@ -634,7 +629,7 @@ class Lockstep:
         """Tell who follows a slot of its newest sample."""
         for world, follow in self._followers.get(rank.name, ()):
             if self.active[world]:
-                follow(rank.name, t, Shown(outputs, world))
+                follow(rank.name, t, Shown(outputs, [world]))
 
     def _prepared(self, goal: Goal | None) -> Program:
         """The program of the components and observers that there are."""
@@ -667,10 +662,7 @@ class Lockstep:
                 if (latest := self._latest[wire]) is not row:
                     row.take(latest.stacked)
                     self._latest[wire] = row
-                in_python = [q for q in self._readers.get(wire, ()) if q.source is None]
-                if in_python:
-                    self._follow_trail(wire, Source(Trail(row, SOME)), in_python)
-                keeps[output] += [source.trail.head for source in self._sources.get(wire, ())]
+                keeps[output] += [queue.trail(row).head for queue in self._readers.get(wire, ())]
             members.append(Member(place, op, keeps))
         return Program(self.plan, members, clock, goal, self.blocks.order)
 
@@ -689,23 +681,9 @@ class Lockstep:
         for port in rank.sources:
             row = known[port]
             sender = self._names[rank.sources[port][0]]
-            waiting = rank.queues[port].waiting()
-            room = len(waiting) + rank.slot.period // sender.slot.period + 2
-            trails[port] = Trail(row.copy(), room)
-            queue = rank.queues[port]
-            queue.set([])
-            source = Source(trails[port], is_of_op=True)
-            self._follow_trail(rank.sources[port], source, [queue])
-            for sent in waiting:
-                source.take(sent)
+            trails[port] = rank.queues[port].fixed(row, rank.slot.period // sender.slot.period + 2)
         op.link(known, trails, clock)
         return op.calls() is not None
-
-    def _follow_trail(self, wire: Wire, source: Source, queues: Sequence[Queue]) -> None:
-        """From now on what an output sends comes to these inputs by a trail."""
-        self._sources.setdefault(wire, []).append(source)
-        for queue in queues:
-            queue.follow(source)
 
     def _row(self, ops: Mapping[str, Any], wire: Wire) -> Row | None:
         """Where the newest sample of an output lies; None where compiled code cannot read it."""
@@ -720,11 +698,10 @@ class Lockstep:
         self._program, self._looked_at = None, None
 
     def _loosen(self) -> None:
-        """No trails, no rows of parts in Python."""
-        for source in (source for sources in self._sources.values() for source in sources):
-            for queue in source.readers:
-                queue.follow(None)
-        self._linked, self._sources = set(), {}
+        """Nothing is read by compiled code."""
+        self._linked = set()
+        for trail in (t for queues in self._readers.values() for queue in queues for t in queue.trails):
+            trail.is_fixed = False
 
     def _count_steps(self) -> None:
         """What the steps of ops took, into the costs of their slots."""
@@ -779,7 +756,7 @@ class Lockstep:
 
     def put(self, wire: Wire, sample: Signal) -> None:
         """A sample from outside, for a graph alone."""
-        self._arrive(wire, {0: sample})
+        self._arrive(wire, sample.t, {0: sample})
 
     def take_out(self, world: int) -> None:
         """Its graph is alone from now on: what it sent last stays, and it can be finished."""
@@ -817,7 +794,7 @@ class Lockstep:
         return {
             "t": self.graphs[world].t,
             "latest": {wire: row.view(world) for wire, row in self._latest.items()},
-            "queues": {(name, port): [r.view(world) for r in queue.waiting()] for name, port, queue in every},
+            "queues": {(name, port): queue.samples(world) for name, port, queue in every},
         }
 
     def load(self, state: Mapping[str, Any]) -> None:
@@ -827,7 +804,7 @@ class Lockstep:
         self._latest = {wire: row_with(sample) for wire, sample in state["latest"].items()}
         for rank in self._ranks:
             for port, queue in rank.queues.items():
-                queue.set([row_with(sample) for sample in state["queues"][rank.name, port]])
+                queue.set(state["queues"][rank.name, port])
 
     def _ended_before(self, t: int) -> list[int]:
         """Worlds that end before the tick at t [ns]; their graphs know why."""
@@ -924,13 +901,13 @@ class Lockstep:
 
     def _send(self, rank: _Rank, t: int, outputs: Mapping[str, Given]) -> None:
         """Publish what a slot gave at t in every world."""
-        rows = {output: self._arrive(rank.sends[output][1], given) for output, given in outputs.items()}
+        rows = {output: self._arrive((rank.name, output), t, given) for output, given in outputs.items()}
         self.blocks.add(rank.name, t, {o: r for o, r in rows.items() if self._takes(rank.name, r.kind)})
         if rank.name in self._followers:
             self._tell(rank, t, rows)
         self._show(rank, t, rows)
 
-    def _arrive(self, wire: Wire, given: Given) -> Row:
+    def _arrive(self, wire: Wire, t: int, given: Given) -> Row:
         """The newest sample of an output: who reads it has it from now on; where it lies."""
         row = latest = self._latest.get(wire)
         if isinstance(given, Row):
@@ -949,13 +926,10 @@ class Lockstep:
             self._latest[wire] = row
         if wire in self._linked:
             row.check()
-        if sources := self._sources.get(wire):
-            if any(source.is_full for source in sources):
+        for trail in [queue.trail(row) for queue in self._readers.get(wire, ())]:
+            if trail.is_full:
                 self._dismiss()
-            for source in self._sources.get(wire, ()):
-                source.take(row)
-        for queue in (queue for queue in self._readers.get(wire, ()) if queue.source is None):
-            queue.append(row.kept())
+            trail.append(t)
         return row
 
     def _forget_audience(self) -> None:

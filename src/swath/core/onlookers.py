@@ -5,7 +5,7 @@ from operator import attrgetter, is_
 from typing import Any
 
 from swath.core.abilities import EndsRun
-from swath.core.blocks import Blocks, Looker, LooksOn, Shown, ShownToAll, TakesBlocks, TakesSome
+from swath.core.blocks import Blocks, Looker, LooksOn, Shown, TakesBlocks, TakesSome
 from swath.core.rows import Row
 from swath.core.signal import Signal
 
@@ -16,7 +16,7 @@ _rest = attrgetter("rests_until")
 class Audience:
     """Those of one class, each in its world, that are shown what a slot sends; all of them rest, or none.
 
-    A class with `see_all(parts, slot, t, ShownToAll)` is shown samples of all its worlds at once.
+    A class with `see_all(parts, slot, t, Shown)` is shown samples of all its worlds at once.
     may_end: whether one of them may end a world
     """
 
@@ -38,9 +38,9 @@ class Audience:
             awake = [k for k, part in enumerate(self._parts) if t >= part.rests_until]
         if self._see_all is None:
             for k in awake:
-                self._lookers[k].see(slot, t, Shown(sent, self._worlds[k], blocks))
+                self._lookers[k].see(slot, t, Shown(sent, [self._worlds[k]], blocks))
         elif awake:
-            shown = ShownToAll(sent, [self._worlds[k] for k in awake], blocks)
+            shown = Shown(sent, [self._worlds[k] for k in awake], blocks)
             self._see_all([self._parts[k] for k in awake], slot, t, shown)
         return bool(awake)
 

@@ -1,7 +1,8 @@
 """Samples as numbers at one place in memory: what compiled steps read and write.
 
 A `Row` holds the newest sample of an output in every world; a `Trail` those before it, in order, until
-somebody takes them. Compiled code finds both by their addresses (`core/ops.py`).
+somebody takes them: an input with a history (`Waiting`), or those who look on (`core/blocks.py`). Compiled
+code finds both by their addresses (`core/ops.py`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,6 +26,7 @@ from swath.core.together import Samples, field_of, plain
 # Numbers by which compiled code knows a trail: address of its samples, how many there are and how many have
 # room, addresses of times, stamps, orders.
 HEAD, COUNT = 6, 1
+ROOM = 16  # samples of a trail for which there is memory at first
 NO_NUMBERS = ("array", "object")  # what needs an own place, see `Room`
 Ints = NDArray[np.int64]
 LINE = 64  # bytes: fields that are arrays begin at such a place
@@ -86,9 +88,11 @@ class Row(Samples):
         """In arrays, also what is no number."""
         return Samples.joined([self.view(w) for w in range(len(self.memory))]) if self.has_objects else self
 
-    def take(self, given: Samples | Mapping[int, Signal]) -> None:
-        """Become the same as samples of all worlds, or of some by their numbers."""
+    def take(self, given: Samples | Signal | Mapping[int, Signal]) -> None:
+        """Become the same as samples of all worlds, as one of the first, or as some by their numbers."""
         self.renew()
+        if isinstance(given, Signal):
+            given = {0: given}
         if isinstance(given, Samples) and not self.has_objects:
             self.stamp[0] = given.t
             for name in self.names:
@@ -181,28 +185,30 @@ class Row(Samples):
 
     def each(self) -> list[Signal]:
         """The samples of all worlds."""
-        return self.made(self.memory, int(self.stamp[0]))
+        return self.made(self.memory, [int(self.stamp[0])] * len(self.memory))
 
     def of(self, world: int) -> Any:
         """The sample of one world."""
-        return self.made(self.memory[world : world + 1], int(self.stamp[0]))[0]
+        return self.made(self.memory[world : world + 1], [int(self.stamp[0])])[0]
 
-    def made(self, memory: NDArray[Any], t: int) -> list[Signal]:
-        """The samples in a memory like its own, (n,), of a time [ns]."""
+    def made(self, memory: NDArray[Any], stamps: Sequence[int]) -> list[Signal]:
+        """The samples in a memory like its own, (n,), of these times [ns]."""
         kind, names = self.kind, self.names
         if not self._is_plain:
-            return Samples(kind, t, {name: memory[name] for name in names}, self.alike).each()
-        rows, head = memory.tolist(), () if self.is_held else (t,)
+            pieces = ((t, memory[k : k + 1]) for k, t in enumerate(stamps))
+            return [Samples(kind, t, {n: own[n] for n in names}, self.alike).of(0) for t, own in pieces]
+        rows = memory.tolist()
         if self._poses:
             rows = [[*row] for row in rows]
             for place in self._poses:
                 for row in rows:
                     row[place] = _pose(row[place])
         if self._is_whole:
-            return [kind(*head, *row) for row in rows]
+            heads = [()] * len(rows) if self.is_held else [(t,) for t in stamps]
+            return [kind(*head, *row) for head, row in zip(heads, rows, strict=True)]
         if self.is_held:
             return [_restored(kind, names, row) for row in rows]
-        return [kind(*head, **dict(zip(names, row, strict=True))) for row in rows]
+        return [kind(t, **dict(zip(names, row, strict=True))) for t, row in zip(stamps, rows, strict=True)]
 
 
 def _restored(kind: Any, names: Sequence[str], values: Sequence[Any]) -> Any:
@@ -312,16 +318,28 @@ def can_be_row(kind: type[Signal]) -> bool:
 class Trail:
     """Samples of a row in the order in which they came.
 
+    wire: slot and output that sent them
     times: when each was sent [ns]; stamps: its own `t`; orders: its place among all that was sent
     head: (HEAD,) where the memories lie, and how many samples there are; compiled code adds to it
     address: where that of the samples begins
     spare: memories of earlier trails of this output
+    is_fixed: whether compiled code reads the memories, so that they must not move
+    data: the samples as bytes, (samples, worlds, size), once somebody has made them
     """
 
-    def __init__(self, row: Row, room: int, head: Ints | None = None, spare: "Spare | None" = None) -> None:
-        self.row, self._spare = row, spare or Spare()
+    def __init__(
+        self,
+        row: Row,
+        room: int = ROOM,
+        wire: tuple[str, str] = ("", ""),
+        head: Ints | None = None,
+        spare: "Spare | None" = None,
+    ) -> None:
+        self.row, self.wire, self._spare = row, wire, spare or Spare()
         self.head = np.zeros(HEAD, np.int64) if head is None else head
         self.head[COUNT] = 0
+        self.is_fixed = False
+        self.data: NDArray[np.uint8] | None = None
         self.memory: NDArray[Any]
         self.times: Ints
         self.stamps: Ints
@@ -330,34 +348,59 @@ class Trail:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """How many samples there are of each world."""
         return int(self.head[COUNT])
+
+    @property
+    def is_full(self) -> bool:
+        """Whether another sample needs memory that it may not have."""
+        return self.is_fixed and self.count == len(self.times)
+
+    def close(self) -> None:
+        """No more come, whatever becomes of the head."""
+        self.head = self.head.copy()
 
     def reserve(self, more: int) -> None:
         """Room for so many more."""
         if self.count + more > len(self.times):
             self._grow(2 * self.count + more)
 
-    def append(self, t: int, order: int = 0) -> None:
-        """The row as it is, sent at t [ns]."""
-        k = self.count
+    def append(self, t: int, order: int = 0, row: Row | None = None) -> None:
+        """The row as it is, or another one of its form, sent at t [ns]."""
+        k, row = self.count, row or self.row
         if k == len(self.times):
             self._grow(2 * k)
-        self.memory[k] = self.row.memory
-        self.times[k], self.stamps[k], self.orders[k] = t, self.row.stamp[0], order
+        self.memory[k] = row.memory
+        self.times[k], self.stamps[k], self.orders[k] = t, row.stamp[0], order
         self.head[COUNT] = k + 1
+
+    def lay(self, samples: Sequence[Samples | Signal]) -> None:
+        """Hold samples that lie elsewhere, and no others."""
+        self.clear()
+        own = self.row.copy() if samples else self.row
+        for sample in samples:
+            own.take(sample)
+            self.append(own.t, row=own)
 
     def at(self, k: int) -> Row:
         """A copy of one of them."""
         return row_at(self.row.kind, self.memory[k].copy(), int(self.stamps[k]), self.row.alike)
 
-    def forget(self, first: int) -> None:
-        """Drop so many of the oldest."""
-        rest = self.count - first
-        if rest:
-            for array in (self.memory, self.times, self.stamps, self.orders):
-                array[:rest] = array[first : first + rest].copy()
-        self.head[COUNT] = rest
+    def samples(self, world: int) -> list[Any]:
+        """All of one world."""
+        return self.row.made(self.memory[: self.count, world], self.stamps[: self.count].tolist())
+
+    def newest(self, name: str, worlds: Sequence[int]) -> NDArray[Any]:
+        """A field of the newest in some worlds, (n, ...)."""
+        k = self.count - 1
+        if name not in self.row.names:
+            return np.full(len(worlds), self.stamps[k])
+        found: NDArray[Any] = self.memory[name][k]
+        return found if len(worlds) == len(found) else found[worlds]
+
+    def clear(self) -> None:
+        """They were taken."""
+        self.head[COUNT] = 0
 
     def _grow(self, room: int) -> None:
         count, row = self.count, self.row.memory
@@ -369,6 +412,56 @@ class Trail:
         self.times, self.stamps, self.orders = numbers
         first, size = numbers.ctypes.data, 8 * room
         self.head[:] = self.address, count, room, first, first + size, first + 2 * size
+
+
+class Waiting:
+    """What came to an input with a history and was not taken, oldest first: a trail for each form.
+
+    trails: the last one is of the samples that come now
+    """
+
+    def __init__(self) -> None:
+        self.trails: list[Trail] = []
+
+    def __len__(self) -> int:
+        return sum(trail.count for trail in self.trails)
+
+    def trail(self, row: Row) -> Trail:
+        """Where samples come that are sent from a row."""
+        if not self.trails or self.trails[-1].row is not row:
+            self.trails = [*(trail for trail in self.trails if trail.count), Trail(row)]
+        return self.trails[-1]
+
+    def fixed(self, row: Row, room: int) -> Trail:
+        """The same, what waits in it as well, and room for so many more that does not move."""
+        if len(self.trails) > 1 or self.trail(row) is not self.trails[0]:
+            waiting = self.rows()
+            self.trails = [Trail(row, room + len(waiting))]
+            self.trails[0].lay([sample.stacked for sample in waiting])
+        self.trails[0].reserve(room)
+        self.trails[0].is_fixed = True
+        return self.trails[0]
+
+    def rows(self) -> list[Row]:
+        """A copy of each."""
+        return [trail.at(k) for trail in self.trails for k in range(trail.count)]
+
+    def samples(self, world: int) -> list[Any]:
+        """All of one world."""
+        return [sample for trail in self.trails for sample in trail.samples(world)]
+
+    def set(self, samples: Sequence[Signal]) -> None:
+        """What waits from now on, in one world."""
+        self.trails = []
+        for sample in samples:
+            row = row_with(sample)
+            self.trail(row).append(row.t)
+
+    def clear(self) -> None:
+        """It was taken."""
+        del self.trails[:-1]
+        for trail in self.trails:
+            trail.clear()
 
 
 class Spare:

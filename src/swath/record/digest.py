@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.blocks import Block, Pile, Seen, no_look
+from swath.core.blocks import Block, Seen, no_look
 from swath.core.frames import Pose
-from swath.core.rows import Spare
+from swath.core.rows import Spare, Trail
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
@@ -87,18 +87,18 @@ class Digest:
         return True
 
     def _take(self, block: Block) -> None:
-        pile, slot, output = block.pile, block.slot, block.output
+        trail, slot, output = block.trail, block.slot, block.output
         chain = self._chain(slot, output)
         if not block.is_even:
             for k, t in enumerate(block.times.tolist()):
                 chain.add(sample_bytes(slot, output, t, block.sample(k)))
             return
-        if pile.rows is None:  # of all worlds at once, for whoever comes first
+        if trail.data is None:  # of all worlds at once, for whoever comes first
             columns = self._columns.get((slot, output))
-            if columns is None or not columns.fits(pile):
-                columns = self._columns[slot, output] = Columns(pile)
-            pile.rows = columns.bytes_of(pile)
-        own = pile.rows[:, block.world]
+            if columns is None or not columns.fits(trail):
+                columns = self._columns[slot, output] = Columns(trail)
+            trail.data = columns.bytes_of(trail)
+        own = trail.data[:, block.world]
         chain.add(own.data if own.flags.c_contiguous else own.tobytes())
 
     def _chain(self, slot: str, output: str) -> _Chain:
@@ -149,24 +149,24 @@ def _head(slot: str, output: str, kind: Any) -> bytes:
 class Columns:
     """The bytes of the samples of an output in many worlds, as `sample_bytes` has them. size: of one."""
 
-    def __init__(self, pile: Pile) -> None:
+    def __init__(self, trail: Trail) -> None:
         from swath.record import digest_kernel as kernel
 
-        first, self._alike = Block(pile, 0).sample(0), pile.row.alike
-        self._form = pile.kind, pile.row.memory.dtype
-        dtype, row = pile.row.memory.dtype, bytearray(_head(pile.slot, pile.output, pile.kind))
+        first, self._alike = Block(trail, 0).sample(0), trail.row.alike
+        self._form = trail.row.kind, trail.row.memory.dtype
+        dtype, row = trail.row.memory.dtype, bytearray(_head(*trail.wire, trail.row.kind))
         table, offsets = [[0, 8, len(row), 8, kernel.COPIED]], [0]
         row += bytes(8)
-        for name in [f.name for f in fields(pile.kind)]:
-            if name in pile.row.names:
+        for name in [f.name for f in fields(trail.row.kind)]:
+            if name in trail.row.names:
                 value = encode(getattr(first, name))
-                for before, number, begin, shape, after in _column(value, pile.array(name)[0]):
+                for before, number, begin, shape, after in _column(value, trail.memory[name][0]):
                     row += before
                     count, how = int(np.prod(shape)), _kind(number)
                     size = count * number.itemsize
                     length = size if how == kernel.COPIED else count
                     table.append([0, dtype.itemsize, len(row), length, how])
-                    offsets.append(pile.row.offset(name) + begin * number.itemsize)
+                    offsets.append(trail.row.offset(name) + begin * number.itemsize)
                     row += bytes(size) + after
             elif name == "t":
                 row += b"i"
@@ -183,20 +183,20 @@ class Columns:
         self._spare = Spare()
         self._launch = repeatable(kernel.lay_rows, [shared(self._job)]).launch
 
-    def fits(self, pile: Pile) -> bool:
+    def fits(self, trail: Trail) -> bool:
         """Whether the samples have the same form."""
-        alike = pile.row.alike
+        alike = trail.row.alike
         is_alike = len(alike) == len(self._alike) and all(self._alike.get(n) is v for n, v in alike.items())
-        return is_alike and (pile.kind, pile.row.memory.dtype) == self._form
+        return is_alike and (trail.row.kind, trail.row.memory.dtype) == self._form
 
-    def bytes_of(self, pile: Pile) -> np.ndarray:
+    def bytes_of(self, trail: Trail) -> np.ndarray:
         """(samples, worlds, size) uint8."""
-        count, worlds, trail = pile.count, pile.worlds, pile.trail
+        count, worlds = trail.count, len(trail.row.memory)
         rows = self._spare.empty((count, worlds, self.size), np.dtype(np.uint8))
         times, stamps = trail.times[:count].repeat(worlds), trail.stamps[:count].repeat(worlds)
         self._table[:, 0] = self._offsets + trail.address
         self._table[0, 0] = _address(times)
-        if not pile.row.is_held:
+        if not trail.row.is_held:
             self._table[1, 0] = _address(stamps)
         self._job[2], self._job[4] = _address(rows), count * worlds
         self._launch()

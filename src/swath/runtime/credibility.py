@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import Ending, HasRanges
-from swath.core.blocks import ShownToAll
+from swath.core.blocks import Shown
 from swath.core.errors import InputError
 from swath.core.estimate import Estimate, held
 from swath.core.layout import quantities
@@ -218,7 +218,7 @@ class Credibility(SeesAll):
         self._seen: dict[tuple[str, str], Seen] = {}
 
     @classmethod
-    def see_all(cls, parts: Sequence["Credibility"], slot: str, t: int, shown: ShownToAll) -> None:
+    def see_all(cls, parts: Sequence["Credibility"], slot: str, t: int, shown: Shown) -> None:
         """Look where machines have moved on."""
         machine, driven = slot.partition(".")[0], shown.numbers(MachineState, "distance")
         if driven is None:

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.core.blocks import Block, Seen, ShownToAll
+from swath.core.blocks import Block, Seen, Shown
 from swath.core.frames import Pose, wrap_angle
 from swath.core.number_text import num
 from swath.core.packed_state import saved_type
@@ -196,15 +196,15 @@ class EdgeDetection(SeesAll, Later):
             self._states.take(states)
 
     @classmethod
-    def see_all(cls, parts: Sequence["EdgeDetection"], slot: str, t: int, shown: ShownToAll) -> None:
+    def see_all(cls, parts: Sequence["EdgeDetection"], slot: str, t: int, shown: Shown) -> None:
         """Look up what stands where edges are reported, once the truth has reached their times."""
-        pile, worlds = shown.newest(MachineState, parts[0].setup.name), shown.worlds
-        if pile is None:
+        states, worlds = shown.newest(MachineState, parts[0].setup.name), shown.worlds
+        if states is None:
             now = np.array([judge._states.newest for judge in parts])
         else:
             now = np.empty((len(worlds), 14))
-            now[:, 0], now[:, 13] = pile.last("t", worlds), pile.last("distance", worlds)
-            now[:, 1:13] = pile.last("pose", worlds)
+            now[:, 0], now[:, 13] = states.newest("t", worlds), states.newest("distance", worlds)
+            now[:, 1:13] = states.newest("pose", worlds)
         reported = shown.columns(CropEdge, ("t", *REPORTED))
         if (
             reported is not None
@@ -218,8 +218,8 @@ class EdgeDetection(SeesAll, Later):
             while judge._waiting and judge._waiting[0][0] <= newest[0]:
                 edge, place = judge._waiting.pop(0), newest[1:]
                 if edge[0] < newest[0]:
-                    states = judge._states.with_block(shown.of(k).waiting(MachineState, judge.setup.name))
-                    place = states.at(int(edge[0]))
+                    known = judge._states.with_block(shown.of(k).waiting(MachineState, judge.setup.name))
+                    place = known.at(int(edge[0]))
                 _look([judge], np.array([edge]), np.array([place]))
             judge.rests_until = 0 if judge._waiting else NEVER
 
