@@ -119,10 +119,15 @@ class Block:
         return np.searchsorted(self.orders, orders, side="right") - 1
 
     def _column(self, name: str) -> NDArray[Any]:
+        found = self.values(name)
+        return found if found.dtype != object else np.array(found.tolist())
+
+    def values(self, name: str) -> NDArray[Any]:
+        """As a column, but what is no number as the object that was sent."""
         trail, count = self.trail, self._count
         if name in trail.row.names:
-            found: NDArray[Any] = trail.memory[name][:count, self.world]
-            return found if found.dtype != object else np.array(found.tolist())
+            held: NDArray[Any] = trail.memory[name][:count, self.world]
+            return held
         if name == "t":
             return trail.stamps[:count]
         value = field_of(trail.row, name)

@@ -7,14 +7,14 @@ columns of times and one per field. A field that is the same array in all sample
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from swath.core.blocks import Block
+from swath.core.blocks import Block, Seen
 from swath.core.errors import InputError, reason_of
-from swath.core.frames import Pose
 from swath.core.layout import layout
 from swath.core.schedule import NS
 from swath.core.signal import signal_types
@@ -44,54 +44,35 @@ class Blocks:
     def __init__(self, file: Any, topic: str, first_ns: int = BLOCK_NS) -> None:
         self._length = first_ns
         self.file, self.topic = file, topic + SUFFIX
-        self._samples: list[Any] = []
         self._pieces: list[tuple[Block, int, int]] = []  # in their place: of blocks of the run, from, to
         self._published: list[int] = []  # [ns]
         self._signal: type[Signal] | None = None
-        self._poses: list[
-            int
-        ] = []  # places of whole poses among what is read of a sample, the last one first
+        self._names: list[str] = []
         self._most = 1  # samples that fill a block by their size
 
     def add(self, t: int, signal: Signal) -> None:
         """Add a sample published at t [ns]. Raises TypeError for a field that cannot be recorded."""
-        self._begin(signal)
-        self._come_apart()
-        self._samples.append(signal)
-        self._published.append(t)
+        (block,) = Seen.of_one("", t, {"": signal}).blocks
+        self.take(t, block, 0)
 
     def take(self, t: int, block: Block, k: int) -> None:
         """As `add`, one of the samples of a block of the run."""
-        if not self._published or block.kind is not self._signal:
-            self._begin(block.sample(k))
-        if self._samples or not block.is_even:
-            self.add(t, block.sample(k))
-            return
-        before = self._pieces[-1] if self._pieces else None
-        if before is not None and before[0] is block:
-            self._pieces[-1] = block, before[1], k + 1
-        else:
-            self._pieces.append((block, k, k + 1))
-        self._published.append(t)
-
-    def _begin(self, signal: Signal) -> None:
-        if type(signal) is not self._signal:
+        if block.kind is not self._signal:
             self.flush()
-            self._signal = type(signal)
-            self._names = leaf_names(signal)
-            self._whole, self._poses = _taken(signal, self._names)
-            self._values = attrgetter(*self._whole, "t", "t")  # a tuple also of no field
+            self._signal = block.kind
         if not self._published:
+            signal = block.sample(k)
+            self._names = leaf_names(signal)
             row = [attrgetter(name)(signal) for name in self._names]
             for value in row:
                 _kind(value)
             size = sum(v.nbytes if isinstance(v, np.ndarray) else 8 for v in row)
             self._most = max(1, -(-BLOCK_BYTES // max(size, 1)))
-
-    def _come_apart(self) -> None:
-        """Make samples of the pieces."""
-        self._samples += [block.sample(k) for block, a, b in self._pieces for k in range(a, b)]
-        self._pieces = []
+        first = k
+        if self._pieces and self._pieces[-1][0] is block:
+            _, first, _ = self._pieces.pop()
+        self._pieces.append((block, first, k + 1))
+        self._published.append(t)
 
     @property
     def is_full(self) -> bool:
@@ -101,8 +82,8 @@ class Blocks:
 
     def save(self) -> dict[str, Any]:
         """Samples that wait for their block."""
-        self._come_apart()
-        waiting = {"samples": list(self._samples), "published": list(self._published)}
+        samples = [block.sample(k) for block, a, b in self._pieces for k in range(a, b)]
+        waiting = {"samples": samples, "published": list(self._published)}
         return {**waiting, "most": self._most, "length": self._length}
 
     def load(self, state: dict[str, Any]) -> None:
@@ -114,48 +95,29 @@ class Blocks:
 
     def flush(self) -> None:
         """Write what has been added, in blocks whose columns are each of one kind."""
-        columns = self._joined()
-        if columns is None:
-            self._come_apart()
-        samples, published = self._samples, self._published
-        self._samples, self._pieces, self._published = [], [], []
+        published = self._published
         if not published:
             return
-        self._length = BLOCK_NS
-        if columns is not None:
-            *taken, t = columns
-            self._write(self._with_poses(taken), published, t.tolist())
-            return
-        *taken, t, _ = zip(*map(self._values, samples), strict=True)
-        columns = self._with_poses(taken)
-        if all(map(_is_even, columns)):
-            self._write(columns, published, t)
-            return
-        forms = [[_form(value) for value in row] for row in zip(*columns, strict=True)]
-        first = 0
-        for i in range(1, len(forms) + 1):
-            if i == len(forms) or forms[i] != forms[first]:
-                self._write([c[first:i] for c in columns], published[first:i], t[first:i])
-                first = i
+        t, *columns = [self._column(name) for name in ("t", *self._names)]
+        self._pieces, self._published, self._length = [], [], BLOCK_NS
+        ends = [len(published)]
+        if not all(map(_is_even, columns)):
+            forms = [[_form(value) for value in row] for row in zip(*columns, strict=True)]
+            ends = [k for k, form in enumerate(forms) if k and form != forms[k - 1]] + ends
+        for first, end in pairwise([0, *ends]):
+            self._write([c[first:end] for c in columns], published[first:end], [int(v) for v in t[first:end]])
 
-    def _with_poses(self, taken: Sequence[_Column]) -> list[_Column]:
-        """Columns of positions and rotations in place of whole poses."""
-        columns: list[_Column] = [*taken]
-        for place in self._poses:  # from the last one on
-            columns[place : place + 1] = _of_poses(taken[place])
-        return columns
-
-    def _joined(self) -> list[Any] | None:
-        """Columns of the pieces, at last that of `t`; None where they have none in common."""
-        if not self._pieces or any("." in name for name in self._whole):
-            return None
-        found = []
-        for name in (*self._whole, "t"):
-            parts = [block[name][a:b] for block, a, b in self._pieces]
-            if parts[0].dtype.kind not in "fiub" or len({(p.dtype, p.shape[1:]) for p in parts}) > 1:
-                return None
-            found.append(np.concatenate(parts))
-        return found
+    def _column(self, name: str) -> _Column:
+        """Values of a field, one per sample: in one array where they are numbers of one form."""
+        whole, _, part = name.partition(".")
+        pieces = [block.values(whole)[a:b] for block, a, b in self._pieces]
+        if pieces[0].dtype == object or len({(p.dtype, p.shape[1:]) for p in pieces}) > 1:
+            values = [value for piece in pieces for value in piece]
+            return tuple(map(attrgetter(part), values)) if part else tuple(values)
+        found = np.concatenate(pieces)
+        if not part:
+            return found
+        return found[:, :3] if part == "position" else found[:, 3:].reshape(-1, 3, 3)
 
     def _write(self, values: Sequence[_Column], published: list[int], t: Sequence[int]) -> None:
         assert self._signal is not None
@@ -171,30 +133,6 @@ class Blocks:
             data=np.frombuffer(b"".join(data for _, _, data in columns), dtype=np.uint8),
         )
         self.file.write(self.topic, published[-1], message)
-
-
-def _taken(signal: Signal, names: Sequence[str]) -> tuple[list[str], list[int]]:
-    """What is read of each sample: poses as a whole; and their places, the last one first."""
-    taken: list[str] = []
-    poses: list[int] = []
-    for name in names:
-        whole, _, part = name.rpartition(".")
-        if part not in ("position", "rotation") or type(attrgetter(whole)(signal)) is not Pose:
-            taken.append(name)
-        elif part == "position":
-            poses.insert(0, len(taken))
-            taken.append(whole)
-    return taken, poses
-
-
-def _of_poses(poses: Any) -> tuple[_Column, _Column]:
-    """Their positions and rotations; where their plain numbers are at hand, as mostly, in one array each."""
-    if isinstance(poses, np.ndarray):
-        return poses[:, :3], poses[:, 3:].reshape(-1, 3, 3)
-    if all(type(pose) is Pose and pose.is_plain for pose in poses):
-        numbers = [pose.numbers for pose in poses]
-        return np.array([place for place, _ in numbers]), np.array([rows for _, rows in numbers])
-    return tuple(pose.position for pose in poses), tuple(pose.rotation for pose in poses)
 
 
 def _is_even(column: _Column) -> bool:
