@@ -613,12 +613,9 @@ class Lockstep:
         self._has_room = True
 
     def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
-        """What ops sent is the newest there is; who follows them learns of it."""
-        for place in places:
-            for row in program.sends[place].values():
-                row.renew()
-            if self._followers and (rank := self._ranks[place]).name in self._followers:
-                self._tell(rank, t, program.sends[place])
+        """Who follows ops learns of the newest that they sent."""
+        for place in places if self._followers else ():
+            self._tell(self._ranks[place], t, program.sends[place])
 
     def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Row]) -> None:
         """Show what a slot sent to those who look at it at its time."""

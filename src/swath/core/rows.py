@@ -102,6 +102,7 @@ class Row(Samples):
         for world, signal in each.items():
             self.put(world, signal)
             self._views[world] = signal
+        self._made_at = int(self.stamp[0])
         if len(times := {signal.t for signal in each.values()}) > 1:
             text = f"{self.kind.__name__}: t = {min(times)} ns in one world, {max(times)} ns in another"
             how = "swath.worlds(together=1), or vectorization_mode='sync' of an environment"
@@ -121,13 +122,20 @@ class Row(Samples):
             raise SwathError(f"{self.kind.__name__}: {error}, in {given}") from error
 
     def renew(self) -> None:
-        """Other samples lie in the memory from now on."""
+        """Other samples lie in the memory from now on; those of another time are found to be others."""
         self._views: list[Any] = [None] * len(self.memory)
         self._kept: Row | None = None
+        self._made_at = -1  # time of the samples that these were made of [ns]
         self.apart = ""
+
+    def _of_now(self) -> None:
+        if self._made_at != (t := int(self.stamp[0])):
+            self.renew()
+            self._made_at = t
 
     def view(self, world: int) -> Any:
         """The sample of one world, made once for all readers; of a part in Python the one that it sent."""
+        self._of_now()
         found = self._views[world]
         if found is None:
             found = self._views[world] = self.of(world)
@@ -178,9 +186,11 @@ class Row(Samples):
 
     def kept(self) -> "Row":
         """The same, made once for all who keep it."""
+        self._of_now()
         if self._kept is None:
             self._kept = self.copy()
             self._kept._views, self._kept.apart = self._views, self.apart
+            self._kept._made_at = self._made_at
         return self._kept
 
     def each(self) -> list[Signal]:
