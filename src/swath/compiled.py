@@ -56,6 +56,11 @@ class Compiled(ABC):
 
         return repeatable(ask, [shared(self.needs)])
 
+    def launch(self, kernel: Any, *given: Any) -> Repeated:
+        """A launch of a kernel, a thread for each world. given: arrays of Python or of Warp, structs."""
+        inputs = [shared(value) if isinstance(value, np.ndarray) else value for value in given]
+        return repeatable(kernel, inputs, threads=self.worlds)
+
     def supply(self, stage: int) -> None:
         """Do what a launch, by its place among them, did not that set `needs`."""
         raise SwathError(f"{type(self).__name__}: a step lacks something")

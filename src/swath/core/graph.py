@@ -772,7 +772,7 @@ class Lockstep:
         self.look_around()
         for rank in self._ranks:
             slot, part, queues = rank.slot, rank.parts[0], rank.queues
-            waits = any(map(len, queues.values())) or not queues
+            waits = any(queues.values()) or not queues
             last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
                 with asking(rank.name):

@@ -433,8 +433,8 @@ class Waiting:
     def __init__(self) -> None:
         self.trails: list[Trail] = []
 
-    def __len__(self) -> int:
-        return sum(trail.count for trail in self.trails)
+    def __bool__(self) -> bool:
+        return any(trail.count for trail in self.trails)
 
     def trail(self, row: Row) -> Trail:
         """Where samples come that are sent from a row."""

@@ -19,7 +19,7 @@ from swath.core.rows import row_of
 from swath.core.together import InWorlds, KeepsRows, Samples
 from swath.field.edges.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared
+from swath.kernels import Repeated, Rows, filled, of_worlds
 from swath.machine import SPEED
 from swath.machine.header import FLOWS, PROFILE_STEMS
 from swath.machine.header.fill_gauge import OVER_M
@@ -81,7 +81,7 @@ class Headers(KeepsRows, Compiled):
 
         trail, flow = self.heard["state"], self.sent["flow"]
         more = trail.head, trail.memory["pose"], self.clock, self.needs, *flow.arrays.values()
-        return [repeatable(cut_along, [*self._given, *map(shared, more)], threads=self.worlds)]
+        return [self.launch(cut_along, *self._given, *more)]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Nothing cut; the knife's place is taken from the first state that comes."""

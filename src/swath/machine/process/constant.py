@@ -23,7 +23,7 @@ from swath.core.schedule import NS
 from swath.core.together import InWorlds, Samples, plain
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, Rows, repeatable, shared
+from swath.kernels import Repeated, Rows
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import tank_of
 from swath.machine.process.straw_outlet import StrawOutlet
@@ -142,9 +142,9 @@ class Processes(Compiled):
         from swath.machine.process.constant_kernel import pass_on
 
         trail, load = self.heard["flow"], self.sent["load"]
-        more = self.clock, self.needs, trail.head, trail.memory["grain"], trail.memory["straw"]
-        given = [self._shares.array, self._sums.array, *map(shared, (*more, *load.arrays.values()))]
-        return [repeatable(pass_on, given, threads=self.worlds)]
+        flow = trail.head, trail.memory["grain"], trail.memory["straw"]
+        own = self._shares.array, self._sums.array, self.clock, self.needs
+        return [self.launch(pass_on, *own, *flow, *load.arrays.values())]
 
     def supply(self, stage: int) -> None:
         """Lay the straw of worlds that run."""

@@ -26,7 +26,7 @@ from swath.core.schedule import NS
 from swath.core.together import InWorlds, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, Rows, repeatable, shared
+from swath.kernels import Repeated, Rows
 from swath.machine.machine_sheet import dynamics_of
 from swath.signals import SteerCommand, SteerState
 
@@ -99,8 +99,7 @@ class Actuators(Compiled):
             command.stamp,
         )
         columns = *command.arrays.values(), *steering.arrays.values()
-        given = [self._servos.array, self._wheels.array, *map(shared, (*queue, *columns))]
-        return [repeatable(kernel.turn_wheels, given, threads=self.worlds)]
+        return [self.launch(kernel.turn_wheels, self._servos.array, self._wheels.array, *queue, *columns)]
 
     def supply(self, stage: int) -> None:
         """There is no room for a command."""

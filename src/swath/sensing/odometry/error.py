@@ -16,7 +16,7 @@ from swath.core.rows import row_of
 from swath.core.together import InWorlds, KeepsRows, Samples
 from swath.core.units import DEG, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, repeatable, shared
+from swath.kernels import Repeated
 from swath.sensing import CHECKED
 from swath.sensing.normals import AllNormals
 from swath.signals import MachineState, Odometry, SteerState, WheelState
@@ -122,10 +122,8 @@ class Odometers(KeepsRows, Compiled):
             self.column("steering", "angle"),
         ]
         table = self.sent["odometry"].memory.view(np.float64).reshape(self.worlds, -1)
-        own = self.constant, self._noise_sd, self._noise, table
-        given = [*inputs, 0 if has_wheels else 1, *map(shared, own)]
-        noise = self._normals.launch(self.clock[1:2], self.needs)
-        return [noise, repeatable(measure, given, threads=self.worlds)]
+        given = [*inputs, 0 if has_wheels else 1, self.constant, self._noise_sd, self._noise, table]
+        return [self._normals.launch(self.clock[1:2], self.needs), self.launch(measure, *given)]
 
     def supply(self, stage: int) -> None:
         """Numbers that numpy draws."""
