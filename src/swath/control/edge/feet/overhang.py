@@ -95,12 +95,11 @@ class Hang:
 
     def within(self, known: float) -> float:
         """Chance of feet within TOLERANCE of where they are told, all else known to `known` [m]."""
-        told, scale, total = self.told, 1.0 / (sqrt(2.0) * known), 0.0
-        for k in np.flatnonzero(self.chance > NEVER).tolist():
-            away = float(PLACES[k]) - told
-            both = erf((TOLERANCE - away) * scale) + erf((TOLERANCE + away) * scale)
-            total += 0.5 * float(self.chance[k]) * both
-        return total
+        is_held, scale = self.chance > NEVER, 1.0 / (sqrt(2.0) * known)
+        chance, away = self.chance[is_held], PLACES[is_held] - self.told
+        ends = [((TOLERANCE + sign * away) * scale).tolist() for sign in (-1.0, 1.0)]
+        before, after = (np.array([*map(erf, each)]) for each in ends)
+        return float(np.cumsum(np.append(0.0, 0.5 * chance * (before + after)))[-1])  # in their order
 
 
 class CutWidth(Clears):
