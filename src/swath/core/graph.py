@@ -2,7 +2,7 @@
 
 import time
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -370,6 +370,7 @@ class Lockstep:
         for op in (batch for batch in batches if isinstance(batch, Op)):
             op.active = self.active
         self._names = {rank.name: rank for rank in ranks}
+        self._places = {rank.name: place for place, rank in enumerate(ranks)}
         self._ending = [rank for rank in ranks if rank.may_end]
         self._latches = any(rank.slot.latch for rank in ranks)
         self._readers = {}
@@ -612,21 +613,22 @@ class Lockstep:
                         trail.reserve(more)
         self._has_room = True
 
-    def _follow(self, program: Program, t: int, places: Iterable[int]) -> None:
+    def _follow(self, program: Program, t: int, places: Collection[int]) -> None:
         """Who follows ops learns of the newest that they sent."""
-        for place in places if self._followers else ():
-            self._tell(self._ranks[place], t, program.sends[place])
+        for name in self._followers:
+            if (place := self._places.get(name, -1)) in places:
+                self._tell(name, t, program.sends[place])
 
     def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Row]) -> None:
         """Show what a slot sent to those who look at it at its time."""
         for audience in self._seen_by(rank, [row.kind for row in outputs.values()]):
             self._has_news |= audience.show(rank.name, t, outputs, self.blocks) and audience.may_end
 
-    def _tell(self, rank: "_Rank", t: int, outputs: Mapping[str, Row]) -> None:
+    def _tell(self, slot: str, t: int, outputs: Mapping[str, Row]) -> None:
         """Tell who follows a slot of its newest sample."""
-        for world, follow in self._followers.get(rank.name, ()):
+        for world, follow in self._followers.get(slot, ()):
             if self.active[world]:
-                follow(rank.name, t, Shown(outputs, [world]))
+                follow(slot, t, Shown(outputs, [world]))
 
     def _prepared(self, goal: Goal | None) -> Program:
         """The program of the components and observers that there are."""
@@ -900,8 +902,7 @@ class Lockstep:
         """Publish what a slot gave at t in every world."""
         rows = {output: self._arrive((rank.name, output), t, given) for output, given in outputs.items()}
         self.blocks.add(rank.name, t, {o: r for o, r in rows.items() if self._takes(rank.name, r.kind)})
-        if rank.name in self._followers:
-            self._tell(rank, t, rows)
+        self._tell(rank.name, t, rows)
         self._show(rank, t, rows)
 
     def _arrive(self, wire: Wire, t: int, given: Given) -> Row:
