@@ -1,5 +1,6 @@
 """ISO 11783 over CAN: identifiers and data against other readers, rules of guidance, box and bus."""
 
+import itertools
 import logging
 import struct
 import sys
@@ -294,6 +295,22 @@ def test_a_run_can_go_back_to_a_saved_moment_with_a_box_inside():
         part.close()
 
 
+@pytest.mark.parametrize("every", [1, 2, 3, 6])
+def test_a_cycle_is_a_multiple_of_any_rate(every):
+    """Of a law 15 times a second: messages go with every so many of its steps."""
+    keys = Params(interface="virtual", box="inside", lock_step=True, cycle_ms=every * 1000 / 15)
+    part, cycles = CanSteering(keys, setup(period=1 / 15)), []
+    part.reset(Stream(0, "part"))
+    try:
+        times = [(2 * n * 10**9 + 15) // 30 for n in range(31)]
+        for (a, b), (_, inputs) in zip(itertools.pairwise(times), way(30), strict=True):
+            part.step(a, b - a, inputs)
+            cycles.append(part._cycle)
+    finally:
+        part.close()
+    assert cycles == [n // every for n in range(1, 31)]
+
+
 @contextmanager
 def answering(node):
     """The node answers who is there, and nothing else."""
@@ -385,6 +402,7 @@ def test_a_box_lets_go_when_asked_and_starts_anew_with_a_new_machine():
     [
         ({"interface": "sockcan"}, "steer", r"interface = sockcan: expected one of .*socketcan"),
         ({}, "speed", r"level = can: expected in a slot steer"),
+        ({"cycle_ms": 9.0}, "steer", r"cycle_ms = 9.0: expected a multiple of the slot's 20 ms"),
         ({"cycle_ms": 50.0}, "steer", r"cycle_ms = 50.0: expected a multiple of the slot's 20 ms"),
         ({"box": "inside", "law": "preveiw"}, "steer", r"^law = preveiw: .*did you mean 'preview'"),
         ({"box": "inside", "law": "can"}, "steer", r"law = can: expected a steering law that needs only"),

@@ -6,6 +6,7 @@ import zipfile
 
 import pytest
 
+import swath.link.levels.fmu
 from swath.core.errors import InputError, MissingExtra, SwathError
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
@@ -38,10 +39,10 @@ def driven(world):
     The load is that of the last full step; a built-in process takes in the last cut after it.
     """
     evaluation, loads = make_evaluation(world), []
-    period = next(n.slot.period for n in world.graph.nodes if n.slot.name == "combine.process")
+    due = next(n.slot for n in world.graph.nodes if n.slot.name == "combine.process")
 
     def watch(slot, t, outputs):
-        if slot == "combine.process" and t % period == 0:
+        if slot == due.name and due.after(t - 1) == t:
             loads.append(outputs["load"])
 
     try:
@@ -290,6 +291,26 @@ def test_steps_that_a_fixed_step_cannot_take(folder):
     ):
         assemble(scenario(process=store_keys(fixed, step_ms=30)))
     assert driven(assemble(scenario(process=store_keys(fixed, step_ms=50))))[2] < 1e-12
+
+
+@needs_cc
+@pytest.mark.parametrize("parts", [None, 1, 2, 7])
+def test_a_fixed_step_is_a_part_of_any_rate(folder, parts, monkeypatch):
+    """Steps of 15 Hz last 66 666 666 or 66 666 667 ns, and an FMU gets no step of one."""
+    fixed = store_fmu(folder, "fixed.fmu", attributes='canGetAndSetFMUstate="true"')
+    step_ms = None if parts is None else 1000 / 15 / parts
+    lengths, make = [], swath.link.levels.fmu.make_unit
+
+    def spied(*given, **more):
+        unit = make(*given, **more)
+        run = unit.run
+        unit.run = lambda steps: [lengths.append([h for _, h, _ in steps]), run(steps)][1]
+        return unit
+
+    monkeypatch.setattr(swath.link.levels.fmu, "make_unit", spied)
+    assert driven(assemble(scenario(process=store_keys(fixed, rate_hz=15, step_ms=step_ms))))[2] < 1e-12
+    assert {len(each) for each in lengths} == {parts or 1}
+    assert all(abs(h - 1 / 15 / (parts or 1)) < 1e-8 for each in lengths for h in each)
 
 
 @needs_cc

@@ -234,6 +234,21 @@ def test_amounts_survive_any_communication_step(folder, process_fmu):
     process.close()
 
 
+@pytest.mark.parametrize("rates", [(15, 15), (29.97, 59.94), (7, 29.97)])
+def test_a_communication_step_of_any_rate_ends_with_its_sample(folder, rates):
+    text = LONG.replace("start_speed_kmh: 7", f"start_speed_kmh: 7, rate_hz: {rates[0]}")
+    text += f"    process: {{rate_hz: {rates[1]}}}\n"
+    export_fmu(parse_scenario(text), ["motion", "process"], folder / "rates.fmu")
+    host, step = Host(folder / "rates.fmu"), 1 / max(rates)
+    assert float(host.model.defaultExperiment.stepSize) == pytest.approx(step, rel=1e-9)
+    for n in range(1, 40):
+        host.step(step)
+        for output, rate in zip(("motion.state", "process.load"), rates, strict=True):
+            last = int(n * step * rate + 1e-6)
+            assert host[f"{output}.t"] == pytest.approx(last / rate, abs=1e-9), (output, n)
+    host.close()
+
+
 def test_an_edge_detector_gets_arrays(folder):
     drive_by = load_scenario("straight", sets=SCAN_SETS)
     export_fmu(drive_by, ["edge"], folder / "edge.fmu")

@@ -1,7 +1,6 @@
 """Components, their connections and the schedule: a runnable, saveable whole, alone or in step."""
 
 import time
-from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,7 +19,7 @@ from swath.core.onlookers import Audience, Onlookers, audiences
 from swath.core.ops import Goal, Member, Op, Program
 from swath.core.random import Stream
 from swath.core.rows import Row, Waiting, held_row, row_with
-from swath.core.schedule import Plan, Slot, make_plan
+from swath.core.schedule import Plan, Slot
 from swath.core.signal import Signal
 from swath.core.together import EndsWorlds, InWorlds, Samples, StepsTogether, Together, takes_all
 
@@ -89,7 +88,7 @@ class Graph:
         self.outside = dict(outside or {})
         self.t = 0
         self.ended = ""
-        self.plan: Plan = make_plan([n.slot for n in nodes])
+        self.plan = Plan(tuple(n.slot for n in nodes))
         self.observers: list[Any] = []
         self.watches: dict[str, Observer] = {}
         self.follows: dict[str, Observer] = {}
@@ -450,28 +449,14 @@ class Lockstep:
         """
         self.look_around()
         self._until, self._has_room = until, False
-        self._begin_round(self.t)
         program = self._prepared(goal)
-        slots, span = self.plan.slots, self.plan.span
-        base = self.t // span * span
-        number = bisect_right(program.times, self.t - base)
-        while slots:
-            if number == len(program.times):
-                number, base = 0, base + span
-                if self._begin_round(base):
-                    program = self._prepared(goal)
-            if base + program.times[number] > until:
-                break
-            if self._program is not program:  # something came to a slot for the first time, or too much
-                program = self._prepared(goal)
-            last = number if stop is not None else self._span(program, number, base, until)
-            if last > number:
-                number = self._walk(program, number, last, base)
+        while (t := program.next) <= until:
+            end = t if stop is not None else self._end_of_walk(program, t, until)
+            if end > t:
+                self._go(program, end)
+                t = program.t
+                self._follow(program, t, program.by_place)
             else:
-                at, due = self.plan.ticks[number]
-                number, t = number + 1, base + at
-                if t <= program.begun and all(t <= slots[index].offset for index in due):
-                    continue  # nothing has begun yet
                 if over := self._ended_before(t):
                     self.stop(over)
                     yield over
@@ -479,10 +464,10 @@ class Lockstep:
                     return
                 if self._program is not program:  # a component was exchanged before this tick
                     program = self._prepared(goal)
-                self._step_all(program, number - 1, base)
-            self.t = base + program.times[number - 1]
+                self._step_all(program, t)
+            self.t = t
             for world in self.going:
-                self.graphs[world].t = self.t
+                self.graphs[world].t = t
             over, self._failed = self._failed, []
             if goal is not None and program.may_have_reached() and (there := self.reached(goal)).any():
                 over += [world for world in self.going if there[world]]
@@ -492,19 +477,15 @@ class Lockstep:
                 self.stop(over)
                 yield over
                 if not self.going:
+                    self._dismiss()  # what was due at its last tick may be due still
                     return
+            if self._program is not program:  # something came to a slot for the first time, or too much
+                program = self._prepared(goal)
         self.t = max(self.t, until)
         for world in self.going:
             self.graphs[world].t = self.t
         if looks:
             self.look()
-
-    def _begin_round(self, t: int) -> bool:
-        """Take the plan of the round in which a time lies; whether that is another one."""
-        before, self.plan = self.plan, self.plan.at(t)
-        if self.plan is not before:
-            self._dismiss()
-        return self.plan is not before
 
     def reached(self, goal: Goal) -> NDArray[np.bool_]:
         """Worlds that have reached a goal."""
@@ -514,20 +495,15 @@ class Lockstep:
                 found |= row.arrays[goal.name] >= goal.least
         return found
 
-    def _span(self, program: Program, number: int, base: int, until: int) -> int:
-        """Up to which tick compiled code may walk from one on; that tick where it may not."""
-        last, times = program.spans[number], program.times
-        if last <= number or base + times[number] <= program.begun:
-            return number
-        if any(self.graphs[world].before_tick for world in self.going):
-            return number
-        last = min(last, bisect_right(times, until - base))
+    def _end_of_walk(self, program: Program, t: int, until: int) -> int:
+        """Up to before which time compiled code may walk from a tick on [ns]; that tick where it may not."""
+        end = min(program.python_due, until + 1)
+        if end <= t or any(self.graphs[world].before_tick for world in self.going):
+            return t
         for place, awake in self._sleeps(program):
-            last = min(last, program.next_due(place, max(number, bisect_left(times, awake - base))))
-        if last <= number:
-            return number
-        t = base + times[last - 1]
-        return number if self._parts_end(t) or self._observers_end(t) else last
+            if awake < end:
+                end = min(end, self.plan.slots[place].after(max(awake, t) - 1))
+        return t if end <= t or self._parts_end(end - 1) or self._observers_end(end - 1) else end
 
     def _sleeps(self, program: Program) -> Iterator[tuple[int, int]]:
         """Places of ops that somebody looks at, and from when on [ns] each sample has to be shown."""
@@ -538,50 +514,27 @@ class Lockstep:
         for place, audience in self._looked_at:
             yield place, audience.sleeps()
 
-    def _walk(self, program: Program, first: int, last: int, base: int) -> int:
-        """Ticks at which nothing but ops is due; gives the one after the last that was walked."""
-        self._go(program, first, last, base)
-        number = program.reached
-        self._follow(program, base + program.times[number - 1], program.by_place)
-        return number
-
-    def _step_all(self, program: Program, number: int, base: int) -> None:
+    def _step_all(self, program: Program, t: int) -> None:
         """All that is due at a tick: parts in Python one by one, ops between them by compiled code."""
-        t = base + program.times[number]
         if self._latches:
             self._before = {wire: row.kept() for wire, row in self._latest.items()}
-        ranks = self._ranks
-        if t <= program.begun or not program.members:
-            for index in self.plan.ticks[number][1]:
-                if t > self.plan.slots[index].offset:
-                    self._step(ranks[index], t)
-            return
         awake = {place for place, until in self._sleeps(program) if until <= t}
-        for piece in program.pieces[number]:
-            if isinstance(piece, int):
-                self._step(ranks[piece], t)
-                continue
-            first, last = piece
-            if self._program is not program:
-                for place in program.places[first:last]:
-                    self._step(ranks[place], t)
-                continue
-            ends = [part + 1 for part in range(first, last) if program.places[part] in awake]
-            for end in ends if last in ends else [*ends, last]:
-                if self.going:
-                    self._go(program, number, number + 1, base, (first, end))
-                    self._follow(program, t, program.places[first:end])
-                    if (place := program.places[end - 1]) in awake and self.going:
-                        self._show(ranks[place], t, program.sends[place])
-                first = end
+        for places in program.pieces(t, awake):
+            last = places[-1]
+            if self._program is not program or last not in program.by_place:
+                for place in places:
+                    self._step(self._ranks[place], t)
+            elif self.going:
+                self._go(program, t, last + 1)
+                self._follow(program, t, places)
+                if last in awake and self.going:
+                    self._show(self._ranks[last], t, program.sends[last])
 
-    def _go(
-        self, program: Program, first: int, last: int, base: int, piece: tuple[int, int] = (-1, -1)
-    ) -> None:
-        """Walk ticks, or a piece of one, and give ops what they need."""
+    def _go(self, program: Program, until: int, before: int = 0) -> None:
+        """Walk ops as `Program.walk` does, and give them what they need."""
         if not self._has_room:
             self._reserve(program)
-        need = program.walk(first, last, base, piece)
+        need = program.walk(until, before)
         while need is not None:
             op, stage, started = need[0].op, need[1], time.perf_counter()
             op.needs[0], PRESENT.part = 0, self._ranks[need[0].place].name
@@ -595,7 +548,6 @@ class Lockstep:
             elif isinstance(op, EndsWorlds) and op.reasons:
                 program.end_with_tick()  # before the next one they end
             if not self.going:
-                program.give_up()
                 return
             need = program.go_on()
 
@@ -603,7 +555,7 @@ class Lockstep:
         """Room for what ops send until the next look."""
         for place, member in program.by_place.items():
             slot = self.plan.slots[place]
-            more = (self._until - self.t) // slot.period + 2
+            more = slot.count(self._until) - slot.count(self.t)
             for output, row in member.op.sent.items():
                 wire = slot.name, output
                 if self._takes(slot.name, row.kind):
@@ -663,7 +615,7 @@ class Lockstep:
                     self._latest[wire] = row
                 keeps[output] += [queue.trail(row).head for queue in self._readers.get(wire, ())]
             members.append(Member(place, op, keeps))
-        return Program(self.plan, members, clock, goal, self.blocks.order)
+        return Program(self.t, self.plan.slots, members, clock, goal, self.blocks.order)
 
     def _link(self, name: str, ops: Mapping[str, Any], clock: Ints) -> bool:
         """Let an op read where its inputs lie; False where that cannot be."""
@@ -680,7 +632,8 @@ class Lockstep:
         for port in rank.sources:
             row = known[port]
             sender = self._names[rank.sources[port][0]]
-            trails[port] = rank.queues[port].fixed(row, rank.slot.period // sender.slot.period + 2)
+            longest = rank.slot.period + rank.slot.offset  # of its steps
+            trails[port] = rank.queues[port].fixed(row, longest // sender.slot.period + 2)
         op.link(known, trails, clock)
         return op.calls() is not None
 
@@ -775,7 +728,7 @@ class Lockstep:
         for rank in self._ranks:
             slot, part, queues = rank.slot, rank.parts[0], rank.queues
             waits = any(queues.values()) or not queues
-            last = slot.offset + max(self.t - slot.offset, 0) // slot.period * slot.period
+            last = slot.due(slot.count(self.t))
             if waits and last < self.t and isinstance(part, StepsAnyLength) and part.steps_any_length:
                 with asking(rank.name):
                     made = part.step(last, self.t - last, self._inputs(rank, 0))
@@ -839,13 +792,13 @@ class Lockstep:
         return dict(reversed(found))
 
     def _step(self, rank: _Rank, t: int) -> None:
-        period, batch = rank.slot.period, rank.batch
+        dt, batch = rank.slot.length(t), rank.batch
         outputs: Mapping[str, Given]
         started, PRESENT.part = time.perf_counter(), rank.name
         if batch is None:
-            outputs = self._step_each(rank, t, period)
+            outputs = self._step_each(rank, t, dt)
         else:
-            outputs = batch.step(t - period, period, rank.newest_of_all(self._latest))
+            outputs = batch.step(t - dt, dt, rank.newest_of_all(self._latest))
             if batch.errors:
                 self._fail(batch.errors)
             if rank.checks:
@@ -868,13 +821,13 @@ class Lockstep:
         if wrong:
             self._fail(wrong)
 
-    def _step_each(self, rank: _Rank, t: int, period: int) -> Mapping[str, Given]:
+    def _step_each(self, rank: _Rank, t: int, dt: int) -> Mapping[str, Given]:
         """Step the parts of a slot world by world."""
         made: dict[int, Outputs] = {}
         for world in self.going:
             node = rank.nodes[world]
             try:
-                own = node.component.step(t - period, period, self._inputs(rank, world))
+                own = node.component.step(t - dt, dt, self._inputs(rank, world))
                 if node.fault is not None:
                     own = node.fault.pass_on(t, own)
                 rank.check(own)

@@ -6,8 +6,7 @@ op needs something that is not in memory, where a world has reached its goal, or
 """
 
 import time
-from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -17,18 +16,22 @@ from numpy.typing import NDArray
 from swath.core.ability import ByMembers
 from swath.core.errors import SwathError
 from swath.core.rows import Row, Trail
-from swath.core.schedule import Plan
+from swath.core.schedule import NEVER, Slot, due_after
 
 Wire = tuple[str, str]
 Ints = NDArray[np.int64]
 Call = tuple[int, int, int]  # addresses of a compiled function and of what it is given
 
-LINE = 6  # numbers of a line of a program: what it does, and five that it needs for that
+LINE = 5  # numbers of a line of a program: what it does, and four that it needs for that
 CALL, NEED, CLEAR, SEND, STAMP, KEEP, REACH = range(7)
-# What the walker reads, and writes: ticks from, to, begin of their round [ns]; part and line to go on from,
-# part to end before in the last tick (-1 = its own); slot that needs something (-1 = none), and after which
-# of its launches; whether a goal is reached; addresses of the clock and of the number of samples sent so far.
-FIRST, LAST, BASE, PART, FROM, STOP, NEEDS, STAGE, REACHED, CLOCK, ORDER = range(11)
+# What the walker knows of an op: place of its slot; lines from, to; when its next step begins and ends, and
+# how it goes on after that, as `Slot.clockwork` says.
+PLACE, BEGIN, END, SINCE, DUE, WHOLE, REST, MORE, OF = range(9)
+# What the walker reads, and writes: it stops at a time [ns], before a place in the tick; op and line to go on
+# from (-1 = the next that is due); slot that needs something (-1 = none), and after which of its launches;
+# whether a goal is reached; when the last step was due, and the next is [ns]; how many ops there are;
+# addresses of the clock and of the number of samples sent so far.
+UNTIL, BEFORE, OP, FROM, NEEDS, STAGE, REACHED, AT, NEXT, COUNT, CLOCK, ORDER = range(12)
 
 
 @runtime_checkable
@@ -86,55 +89,38 @@ class Member:
 
 
 class Program:
-    """What of the ticks of a plan is ops, for compiled code to walk.
+    """What is due from a time [ns] on, and what of it is ops, for compiled code to walk.
 
-    by_place: its ops; spans: of each tick, the tick after the last of those from there on at which nothing
-    but ops is due; pieces: of each tick, what is due in order: places of slots, or (parts from, to)
-    places: of the slots of the parts; sends: by place, what an op sends
-    begun: time [ns] after which all slots have begun; seconds: of walking, since they were counted last
+    by_place: its ops; sends: by place, what an op sends; seconds: of walking, since they were counted last
+    next: when anything is due [ns]; python_due: when a part in Python is; t: when what was walked last was
     """
 
     def __init__(
-        self, plan: Plan, members: Sequence[Member], clock: Ints, goal: Goal | None, order: Ints
+        self,
+        t: int,
+        slots: Sequence[Slot],
+        members: Sequence[Member],
+        clock: Ints,
+        goal: Goal | None,
+        order: Ints,
     ) -> None:
         self.members, self.goal, self.seconds, self._has_reached = members, goal, 0.0, False
-        self.times = [at for at, _ in plan.ticks]
-        self.begun = max((slot.offset for slot in plan.slots), default=0)
-        self._plan, self.by_place = plan, {member.place: member for member in members}
+        self._slots, self.by_place = slots, {member.place: member for member in members}
         self.sends = {member.place: member.op.sent for member in members}
-        sent = {(plan.slots[place].name, output) for place, own in self.sends.items() for output in own}
+        sent = {(slots[place].name, output) for place, own in self.sends.items() for output in own}
         self._is_told = goal is not None and sent.issuperset(goal.wires)  # by the walk that a goal is reached
         self.least = np.zeros(0) if goal is None else goal.least.copy()
+        self._in_python = due_after(t, {k: slot for k, slot in enumerate(slots) if k not in self.by_place})
+        self.t, (self.python_due, self._next_place) = t, next(self._in_python, (NEVER, -1))
         self._lines: list[list[int]] = []
-        ranges = {member.place: self._write(member) for member in members}
-        parts, self.places = list[tuple[int, int]](), list[int]()
-        self._dues: dict[int, list[int]] = {place: [] for place in self.by_place}
-        ticks, count = list[tuple[int, int, int]](), len(plan.ticks)
-        self.pieces = list[list[Any]]()
-        for at, due in plan.ticks:
-            begin, pieces = len(parts), list[Any]()
-            for place in due:
-                if place not in ranges:
-                    pieces.append(place)
-                    continue
-                if pieces and isinstance(pieces[-1], tuple):
-                    pieces[-1] = pieces[-1][0], len(parts) + 1
-                else:
-                    pieces.append((len(parts), len(parts) + 1))
-                parts.append(ranges[place])
-                self._dues[place].append(len(ticks))
-                self.places.append(place)
-            self.pieces.append(pieces)
-            ticks.append((at, begin, len(parts)))
-        self.spans = [*range(count)]
-        for number in reversed(range(count)):
-            if all(isinstance(piece, tuple) for piece in self.pieces[number]):
-                self.spans[number] = self.spans[number + 1] if number + 1 < count else count
-                self.spans[number] = max(self.spans[number], number + 1)
-        self._state = np.array([0] * CLOCK + [address(clock), address(order)], np.int64)
-        tables = [np.array(table or [[0]], np.int64) for table in (self._lines, parts, ticks)]
+        self._steps = np.array([self._write(member, t) for member in members], np.int64).reshape(-1, OF + 1)
+        self._state = np.array([0] * COUNT + [len(members), address(clock), address(order)], np.int64)
+        tables = [np.array(self._lines or [[0]], np.int64), self._steps, self._state]
         self._kept = clock, order  # their addresses stand in the state
-        self._walk = members[0].op.make_walk([*tables, self._state]) if members else None
+        if members:
+            self._walk = members[0].op.make_walk(tables)
+        self._op_due = min(self._steps[:, DUE].tolist(), default=NEVER)
+        self.next = min(self.python_due, self._op_due)
 
     def aim(self, goal: Goal | None, active: NDArray[np.bool_]) -> bool:
         """Stop where a world that still runs reaches a goal; False where this program cannot."""
@@ -145,21 +131,30 @@ class Program:
         self.least[:] = np.inf if goal is None else np.where(active, goal.least, np.inf)
         return True
 
-    def next_due(self, place: int, number: int) -> int:
-        """The tick, from one on, at which an op is due; the one after the last where it is not again."""
-        dues = self._dues[place]
-        after = bisect_left(dues, number)
-        return dues[after] if after < len(dues) else len(self.times)
+    def pieces(self, t: int, stops: Collection[int]) -> list[list[int]]:
+        """Places of slots that are due at the next tick, in order: ops up to one of `stops`, or one slot."""
+        steps = self._steps
+        due: list[int] = steps[steps[:, DUE] == t, PLACE].tolist() if self._op_due == t else []
+        while self.python_due == t:
+            due.append(self._next_place)
+            self.python_due, self._next_place = next(self._in_python)
+        self.next = min(self.python_due, self._op_due)
+        found, goes_on = list[list[int]](), False
+        for place in sorted(due):
+            is_op = place in self.by_place
+            if is_op and goes_on:
+                found[-1].append(place)
+            else:
+                found.append([place])
+            goes_on = is_op and place not in stops
+        return found
 
-    def walk(
-        self, first: int, last: int, base: int, piece: tuple[int, int] = (-1, -1)
-    ) -> tuple[Member, int] | None:
-        """Walk ticks of the round that begins at `base` [ns], from one to one before another, or a piece
-        of one.
+    def walk(self, until: int, before: int = 0) -> tuple[Member, int] | None:
+        """Walk all ops that are due before a time [ns], and those at that time before a place.
 
         Gives the op that needs something and after which launch, None = nothing; `go_on` after that.
         """
-        self._state[:CLOCK] = first, last, base, piece[0], -1, piece[1], -1, 0, 0
+        self._state[:AT] = until, before, -1, -1, -1, 0, 0
         return self.go_on()
 
     def may_have_reached(self) -> bool:
@@ -171,31 +166,23 @@ class Program:
     def go_on(self) -> tuple[Member, int] | None:
         """Walk on after a need was supplied."""
         started = time.perf_counter()
-        if self._walk is not None:
-            self._walk()
+        self._walk()
         self.seconds += time.perf_counter() - started
-        self._has_reached |= bool(self._state[REACHED])
-        needs = int(self._state[NEEDS])
-        return None if needs < 0 else (self.by_place[needs], int(self._state[STAGE]))
+        needs, stage, has_reached, self.t, self._op_due = self._state[NEEDS:COUNT].tolist()
+        self._has_reached |= bool(has_reached)
+        self.next = min(self.python_due, self._op_due)
+        return None if needs < 0 else (self.by_place[needs], stage)
 
     def end_with_tick(self) -> None:
         """Walk no farther than to the end of the tick in which something was needed."""
-        self._state[LAST] = self._state[FIRST] + 1
+        if self._state[UNTIL] > self.t:
+            self._state[: BEFORE + 1] = self.t + 1, 0
 
-    def give_up(self) -> None:
-        """The rest of the tick in which something was needed is not walked."""
-        self._state[FIRST] += 1
-
-    @property
-    def reached(self) -> int:
-        """The tick after the last that was walked: where a world reached its goal, or an op failed."""
-        return int(self._state[FIRST])
-
-    def _write(self, member: Member) -> tuple[int, int]:
-        """The lines of an op; where they begin and end."""
-        begin, slot, about = len(self._lines), self._plan.slots[member.place], address(member.about)
+    def _write(self, member: Member, t: int) -> list[int]:
+        """Write the lines of an op; what the walker knows of it after a time [ns]."""
+        begin, slot, about = len(self._lines), self._slots[member.place], address(member.about)
         for stage, call in enumerate(member.op.calls() or ()):
-            self._line(CALL, *call, slot.period, about)
+            self._line(CALL, *call, about)
             self._line(NEED, address(member.op.needs), member.place, stage)
         for trail in member.op.heard.values():
             self._line(CLEAR, address(trail.head))
@@ -207,7 +194,7 @@ class Program:
             if self.goal is not None and (slot.name, output) in self.goal.wires:
                 column = row.arrays[self.goal.name]
                 self._line(REACH, address(column), column.strides[0], len(column), address(self.least))
-        return begin, len(self._lines)
+        return [member.place, begin, len(self._lines), *slot.clockwork(t)]
 
     def _line(self, *numbers: int) -> None:
         self._lines.append([*numbers, *[0] * (LINE - len(numbers))])

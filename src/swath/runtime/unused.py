@@ -50,7 +50,7 @@ def unused(world: World) -> list[str]:
     why = {key: f"it begins at {num(at)} {over}" for key, at in _late(about, world.graph.t / NS)} | why
     why |= dict.fromkeys(_needless(world), "nothing that it reads runs before it in a tick")
     notes = [f"no part of this run uses {key}: {said}" for key, said in why.items()]
-    due = {n.slot.name: n.slot.offset or n.slot.period for n in world.graph.nodes if not n.step_count}
+    due = {n.slot.name: n.slot.due(1) for n in world.graph.nodes if not n.step_count}
     late = {name: at for name, at in due.items() if at >= world.graph.t}  # a branch steps none again
     return [*notes, *(f"{name}: it is first due at {num(at / NS)} {over}" for name, at in late.items())]
 

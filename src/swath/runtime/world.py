@@ -13,7 +13,6 @@ from swath.core.asked import ALL, Asked, bare
 from swath.core.frames import Pose
 from swath.core.graph import Graph
 from swath.core.number_text import num
-from swath.core.schedule import NS, from_hz
 from swath.field.edges.track import EdgeShape
 from swath.field.field import Field
 from swath.field.maps.projection import Origin
@@ -34,7 +33,6 @@ BODY = "body"  # the part of a machine that its file gives, beside the grain tha
 ASKED_BY = "asked_by"  # key of a summary
 EDGE_STEP = 0.5  # between the points of a drawn edge [m]
 OFFERED = 1e-3  # a rate this near to one that is offered is that one, of itself; estimated
-DRIVEN = 2e-4  # a rate that is driven this near to what was asked for needs no word, of itself; estimated
 
 
 @dataclass(frozen=True)
@@ -114,17 +112,14 @@ class Machine:
         return list(dict.fromkeys([*notes, *self._about_rates()]))
 
     def _about_rates(self) -> Iterator[str]:
-        """Rates that a sensor's maker does not offer, and those that are driven as others."""
+        """Rates that a sensor's maker does not offer."""
         for slot, choice in self.slots.items():
             rate, part = choice.common.rate_hz, self.parts.get(slot)
-            key, driven = f"{self.name}.{slot}.rate_hz: {num(rate)} Hz", NS / from_hz(rate)
             sheet, offered = part.offered if isinstance(part, OffersRates) else ("", ())
             if offered and not any(abs(rate - r) < OFFERED * r for r in offered):
                 offer = ", ".join(num(r) for r in offered)
-                yield f"{key} is not a rate of the {sheet}, which has {offer} Hz"
-            if abs(driven - rate) > DRIVEN * rate:
-                runs = num(driven, "Hz", beside=[rate])
-                yield f"{key} runs at {runs}, with a period of whole tenths of a millisecond"
+                key = f"{self.name}.{slot}.rate_hz"
+                yield f"{key}: {num(rate)} Hz is not a rate of the {sheet}, which has {offer} Hz"
 
     def recorded(self) -> RecordedMachine:
         """What the recording needs to know."""

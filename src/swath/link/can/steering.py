@@ -106,7 +106,9 @@ class CanSteering(KeepsState):
         check_bus(params.where)
         self.overlap = params.overlap_m
         self._p, self._name, self._control = params, setup.name, setup.control
-        if params.period % round(setup.control.period * NS):
+        own = setup.control.period * NS
+        self._cycle_ns = round(params.period / own) * own
+        if abs(params.period - self._cycle_ns) > 1.0 or not self._cycle_ns:
             expected = f"expected a multiple of the slot's {setup.control.period * 1e3:g} ms"
             raise InputError("cycle_ms", params.cycle_ms, expected)
         inside = params.box == "inside"
@@ -153,7 +155,7 @@ class CanSteering(KeepsState):
         while (heard := node.receive()) is not None:
             if not self._p.lock_step:
                 self._hear(heard, end)
-        if end >= (self._cycle + 1) * self._p.period:
+        if end + 1 >= (self._cycle + 1) * self._cycle_ns:  # both are rounded to a nanosecond
             self._send_cycle(node, end, inputs)
             if self._p.lock_step:
                 self._await_answer(node, end)

@@ -17,8 +17,9 @@ import uuid
 import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict
+from fractions import Fraction
 from itertools import product
-from math import gcd
+from math import gcd, lcm
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -35,6 +36,7 @@ from swath.link.fmi.units import BASE, parse_unit
 from swath.scenario.scenario import Scenario, find_slots
 
 NAMES = ("libpython3.so", "libpython3.dylib")
+SHORTEST = 100_000  # ns, of a step that is suggested; estimated
 
 
 def importer_environment() -> dict[str, str]:
@@ -100,7 +102,7 @@ def describe_model(
 ) -> bytes:
     """The file, for FMI `version` 2 or 3.
 
-    identifier: of the binary, a C name; step: the shortest period [s]; stop [s]: of the scenario
+    identifier: of the binary, a C name; step: suggested [s]; stop [s]: of the scenario
     about: further attributes of the root, e.g. modelName
     """
     token_name, state = ("instantiationToken", "State") if version == 3 else ("guid", "state")
@@ -267,13 +269,12 @@ def export_fmu(
     files[f"{module}.py"] = MODULE.format(version=__version__, fmi=version, start=STARTS[version]).encode()
     files["slavemodule.txt"] = module.encode()
     identifier = "_".join(n.replace(".", "_").replace("-", "_") for n in names)[:60]
-    periods = [from_hz(_rate(scenario, n)) for n in names]
     description = describe_model(
         variables,
         version,
         identifier=identifier,
         token=f"{{{uuid.UUID(token)}}}",
-        step=gcd(*periods) / NS,
+        step=_step([from_hz(_rate(scenario, n)) for n in names]) / NS,
         stop=float(scenario.run.max_duration_s),
         modelName=" ".join(names),
         description=f"{', '.join(names)} of the swath scenario {scenario.name}",
@@ -307,6 +308,13 @@ def find_binaries(version: int) -> dict[str, Path]:
 def _is_wide(v: Variable) -> bool:
     """A seed beyond what FMI 2 can count to; the scenario's own is used."""
     return v.causality == "parameter" and v.kind == "int" and not -(2**31) <= int(v.start) < 2**31
+
+
+def _step(periods: Sequence[int | Fraction]) -> float:
+    """The longest step of which all periods are multiples, and if that is tiny the shortest period [ns]."""
+    bottom = lcm(*(period.denominator for period in periods))
+    step = gcd(*(int(period * bottom) for period in periods)) / bottom
+    return step if step >= SHORTEST else float(min(periods))
 
 
 def _rate(scenario: Scenario, name: str) -> float:

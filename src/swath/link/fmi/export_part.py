@@ -3,7 +3,7 @@
 The slots keep their rates and their order. A communication step from t to t + h runs every step of theirs
 that is due in (t, t + h], with the inputs held; outputs are the newest samples. So h may be any, shorter or
 longer than a slot's period or no multiple of it: the slots are sampled by their own clocks. Times are kept in
-whole microseconds.
+whole microseconds, or are those of samples that are due within half of one.
 
 Amounts (kg, m2, stems of a flow) are per `dt`: an input means the rate amount / dt over the communication
 step, or with dt = 0 the amount in this step; an output is the sum over the step, with dt = h. Nothing is lost
@@ -86,7 +86,7 @@ class Feed(KeepsState):
         """Before the steps of a tick [ns]: what has come up to now, if a slot takes it."""
         if not self._is_queued or not self.held.is_given:
             return
-        if not any(t > s.offset and (t - s.offset) % s.period == 0 for s in self._readers):
+        if not any(s.after(t - 1) == t for s in self._readers):
             return
         if self._amounts:
             self.gather(t)
@@ -139,10 +139,9 @@ class Part(KeepsState):
 
     def step(self, t: float, h: float) -> None:
         """One communication step from t to t + h [s]. InputError when it does not go on from the last one."""
-        begin, end = _whole(t), _whole(t + h)
         if self._origin is None:
-            self._origin = begin
-        begin, end = begin - self._origin, end - self._origin
+            self._origin = _whole(t)
+        begin, end = (self._since(_whole(point) - self._origin) for point in (t, t + h))
         graph = self.world.graph
         if begin != graph.t:
             at = (graph.t + self._origin) / NS
@@ -160,6 +159,11 @@ class Part(KeepsState):
             feed.gather(end)
         self._is_counting = False
         self._step_s = (end - begin) / NS
+
+    def _since(self, at: int) -> int:
+        """A time since the first communication point [ns], or that of a sample that is due about then."""
+        due = (node.slot.after(at - MICRO // 2 - 1) for node in self.world.graph.nodes)
+        return max((t for t in due if t <= at + MICRO // 2), default=at)
 
     def read(self, slot: str, output: str, name: str) -> Any:
         """One number of an output, or an array; None while there is no sample."""

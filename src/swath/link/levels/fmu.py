@@ -178,7 +178,8 @@ class FmuPart:
         with self._named(f" at t = {t / NS:.4g} s" if t else " at the start"):
             self._feed.take(t, dt, inputs)
             end = t + dt
-            spans = pairwise([*range(t, end, self._step_ns), end])
+            over = dt // self._step_ns  # ns that steps of whole ns may leave over: they are no step
+            spans = pairwise([*range(t, end - over, self._step_ns), end])
             steps = [(at / NS, (to - at) / NS, self._feed.numbers(at, to)) for at, to in spans]
             numbers = self._unit.run(steps)
             try:
@@ -314,15 +315,20 @@ def _step(params: Params, fmu: Description, period: float) -> int:
     """Step of the FMU [ns]. InputError where it cannot take such steps."""
     whole = round(period * 1e9)
     step = whole if params.step_ms is None else min(round(params.step_ms * 1e6), whole)
-    if whole % step and not fmu.variable_step:
+    if not _is_multiple(whole, step) and not fmu.variable_step:
         text = f"expected a whole part of the slot's period of {whole * 1e-6:g} ms, the FMU has a fixed step"
         raise InputError("step_ms", params.step_ms, text)
     if fmu.fixed_step and not fmu.variable_step:
         own = round(fmu.fixed_step * 1e9)
-        if step % own:
+        if not _is_multiple(step, own):
             text = f"expected a multiple of the FMU's fixed step of {own * 1e-6:g} ms"
             raise InputError("step_ms", step * 1e-6, text)
     return step
+
+
+def _is_multiple(whole: int, part: int) -> bool:
+    """Whether one is several of the other, each rounded to a nanosecond."""
+    return abs(whole - (count := round(whole / part)) * part) <= count / 2 + 0.5
 
 
 def _notes(fmu: Description, step: int) -> list[str]:
@@ -331,7 +337,7 @@ def _notes(fmu: Description, step: int) -> list[str]:
         more = f" (and {len(fmu.faults) - 1} more, see swath fmu check)" if len(fmu.faults) > 1 else ""
         notes.append(f"its description breaks the standard, used all the same: {fmu.faults[0]}{more}")
     own = round((fmu.default_step or 0.0) * 1e9)
-    if own and step % own and not fmu.variable_step:
+    if own and not _is_multiple(step, own) and not fmu.variable_step:
         notes.append(f"it was made for steps of {own * 1e-6:g} ms and takes {step * 1e-6:g} ms; see step_ms")
     if not fmu.saves_state:
         notes.append("its state cannot be saved, nor can a run with it")

@@ -593,7 +593,9 @@ class LogPlayer:
 
     def end_reason(self, t: int) -> str:
         """Why the run ends at t [ns]: the log has nothing more to play."""
-        return self.ending if self.ends_at is not None and t >= self.ends_at else ""
+        return (
+            self.ending if self.ends_at is not None and t + 1 >= self.ends_at else ""
+        )  # a step may be 1 ns short
 
     def _rewind(self) -> None:
         self.close()
