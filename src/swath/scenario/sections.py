@@ -295,7 +295,7 @@ class SlotCommon(Section):
     """What every slot of a machine takes beside its level's own keys."""
 
     rate_hz: Annotated[float, Field(gt=0, le=10_000, description="how often it runs [Hz]")]
-    offset_ms: Annotated[float, Field(ge=0, le=1e6, description="first due this long after 0 [ms]")] = 0.0
+    offset_ms: Annotated[float, Field(ge=0, le=1e6, description="when its first step begins [ms]")] = 0.0
     latch: Annotated[bool, Field(description="see only samples from before the tick")] = False
     wires: Annotated[
         dict[str, Annotated[str, Field(pattern=WIRE_PATTERN)]],
