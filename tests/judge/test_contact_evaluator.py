@@ -23,16 +23,19 @@ def watches(bodies, *names, **options):
 
 
 def drive(bodies, watch, name, until, *, begin=0.0, y=0.0, speed=2.0, hz=100):
-    """Straight along x; clearance at every step."""
-    (column,), seen = watch.columns(), []
+    """Straight along x; clearance at every step, which is the same when it is asked for at the end."""
+    (column,), times, seen = watch.columns(), [], []
     for i in range(round((until - begin) / speed * hz) + 1):
         x = begin + speed * i / hz
         pose = Pose.from_euler((x, y, 0.0))
         bodies.place(name, pose)
         t = round(i * NS / hz)
         watch.see(f"{name}.motion", t, {"state": MachineState(t, pose, speed, 0.0, 0.0, 0.0, x - begin)})
-        seen.append(column.value({}))
-    return np.array(seen)
+        times.append(t / NS)
+        seen += column.later({"t_s": np.array([t / NS])}).tolist()
+    at_end = column.later({"t_s": np.array(times)})
+    np.testing.assert_array_equal(at_end, seen)
+    return at_end
 
 
 def test_driving_through_a_post_is_one_contact_from_begin_to_end():

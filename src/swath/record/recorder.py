@@ -105,7 +105,7 @@ class Recorder:
     def is_late(self) -> bool:
         """Nobody hears the messages, none is written between ticks, no column changes with an evaluator."""
         every = (column for columns in self._more.values() for column in columns)
-        is_live = any(column.later is None and not column.rests() for column in every)
+        is_live = any(column.later is None for column in every)
         return not is_live and self._waiting is None and not (self.file and self.file.taps)
 
     def take(self, seen: Seen) -> None:

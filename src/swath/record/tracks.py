@@ -51,7 +51,6 @@ class Column:
     field: of the newest sample of the source, "" where the value is not of one
     number: from what it holds
     over: another field of the sample, by which it is divided
-    rests: whether its value stays, so that rows may be made later than their time
     """
 
     name: str
@@ -64,7 +63,6 @@ class Column:
     field: str = ""
     number: Callable[[Any], float] = float
     over: str = ""
-    rests: Callable[[], bool] = lambda: False
 
 
 def _column(key: Any, field: str, column: TrackColumn, name: str, over: str = "") -> Column:

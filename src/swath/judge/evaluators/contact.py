@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isnan
+
+import numpy as np
 
 from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.field.site_setup import TRAILER, Contact
-from swath.judge.evaluator import NEVER, EvaluatorSetup, Event, Metric
-from swath.record.tracks import Column, Latest
-from swath.signals import MachineState, Signal
+from swath.judge.evaluator import NEVER, EvaluatorSetup, Event, KeptRows, Metric
+from swath.record.tracks import Column
+from swath.signals import F64, MachineState, Signal
 
 PERIOD = NS // 20  # of looking [ns]
 FAR_M = 50.0  # what is farther away is nothing
@@ -47,7 +50,8 @@ class ContactWatch:
         self.setup = setup
         self._next = 0
         self._count = 0
-        self._clearance, self._least = float("nan"), float("inf")
+        self._noted = KeptRows(2)  # times [s] from which on the clearance is another [m]
+        self._since, self._clearance, self._least = float("-inf"), float("nan"), float("inf")
         self._touched: dict[str, _Touch] = {}  # by the other body
         self._events: list[Event] = []
         self._reason = ""
@@ -71,12 +75,8 @@ class ContactWatch:
 
     def columns(self) -> tuple[Column, ...]:
         """Distance to the nearest body."""
-
-        def clearance(latest: Latest) -> float:
-            return self._clearance
-
         meaning = "to the nearest obstacle or machine, a lower bound above 5 m; nan = none within 50 m"
-        return (Column("clearance_m", "m", meaning, clearance, rests=lambda: self.setup.bodies.is_alone),)
+        return (Column("clearance_m", "m", meaning, later=self._at_rows, is_by_row=True),)
 
     def events(self) -> Sequence[Event]:
         """Every contact, of two machines only in the list of the first by name."""
@@ -85,6 +85,14 @@ class ContactWatch:
     def end_reason(self, t: int) -> str:
         """The first contact, where contacts end the run."""
         return self._reason if self._reason and self.setup.contact_ends_run else ""
+
+    def _at_rows(self, tracks: Mapping[str, F64]) -> F64:
+        """The clearance at the rows of the tracks: as it was found last."""
+        at = tracks["t_s"]
+        if len(at) and at[0] >= self._since:
+            return np.full(len(at), self._clearance)
+        t, clearance = np.vstack([[[-np.inf, np.nan]], self._noted.table()]).T
+        return np.asarray(clearance[np.searchsorted(t, at, side="right") - 1])
 
     def _look(self, state: MachineState) -> None:
         bodies, nearest = self.setup.bodies, float("inf")
@@ -97,7 +105,10 @@ class ContactWatch:
                     self._begin(replace(contact, second=other), state)
                 self._touched[other].last = state
         self._least = min(self._least, nearest)
-        self._clearance = nearest if nearest <= FAR_M else float("nan")
+        before, self._clearance = self._clearance, nearest if nearest <= FAR_M else float("nan")
+        if self._clearance != before and not (isnan(self._clearance) and isnan(before)):
+            self._since = state.t / NS
+            self._noted.add([[self._since, self._clearance]])
         for other, touch in list(self._touched.items()):
             if state.t - touch.last.t >= APART_S * NS:
                 self._end(self._touched.pop(other))
