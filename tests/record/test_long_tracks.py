@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swath.core.blocks import Seen
 from swath.judge.evaluator import KeptRows
 from swath.record.tracks import PIECE, SHOWN_ROWS, Column, EvenRows, Tracks, read_tracks, track_pieces
 from swath.record.tracks import write_tracks as write
@@ -26,7 +27,8 @@ def tracks_of(rows):
     tracks, edge = Tracks(machine(edge=ArcEdge()), 1, (doubled,)), ArcEdge()
     poses = [edge.pose(float(s)) for s in range(64)]
     for t in range(rows):
-        tracks.take(t, "motion.state", MachineState(t, poses[t % 64], 1.0, 0.0, 0.0, 0.0, float(t)))
+        state = MachineState(t, poses[t % 64], 1.0, 0.0, 0.0, 0.0, float(t))
+        tracks.take(Seen.of_one("combine.motion", t, {"state": state}))
     return tracks
 
 
@@ -67,16 +69,16 @@ def test_pieces_and_single_columns_are_those_of_the_whole_table(tmp_path):
     pieces = list(track_pieces(tmp_path / "tracks.parquet"))
     assert [len(piece["t_s"]) for piece in pieces] == [PIECE, 1000]
     assert len(whole["t_s"]) == tracks.row_count == PIECE + 1000
-    assert set(whole) == set(tracks.by_column) == set(read) - {"machine"}
+    assert set(whole) == set(tracks) == set(read) - {"machine"}
     for name, values in whole.items():
         joined = np.concatenate([piece[name] for piece in pieces])
-        for other in (read[name], joined, tracks.by_column[name]):
+        for other in (read[name], joined, tracks[name]):
             np.testing.assert_array_equal(other, values)
     shown = tracks.arrays(most=SHOWN_ROWS)
     assert len(shown["t_s"]) == (PIECE + 1000 + 1) // 2 + 1
     np.testing.assert_array_equal(shown["later"], 2.0 * shown["x_m"])
     with pytest.raises(KeyError):
-        tracks.by_column["none"]
+        tracks["none"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs limits of files")

@@ -17,16 +17,21 @@ from swath.record.read.files import open_log
 from swath.record.recorder import Recorder
 from swath.record.scan_messages import is_laser_scan
 from swath.record.tracks import Column, read_tracks
-from swath.signals import F64, MachineState, Scan, Signal
+from swath.signals import F64, MachineState, Odometry, Scan, Signal
 from tests.fake_run import MOUNTING, ArcEdge, GridField, drive, machine
+
+
+def speed_of(latest):
+    return latest[MachineState].distance + 0.0 * latest[Odometry].speed if Odometry in latest else np.nan
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     samples = []
-    extra = {"combine": [Column("one", "-", "always 1", lambda _: 1.0)]}
-    with Recorder(folder, [machine()], extra=extra) as recorder:
+    columns = Column("one", "-", "always 1", lambda _: 1.0), Column("v", "m/s", "at its row", speed_of)
+    with Recorder(folder, [machine()], extra={"combine": columns}) as recorder:
+        assert not recorder.is_late
         drive([lambda *s: samples.append(s), recorder], GridField(ArcEdge(40.0)), seconds=2.0)
     return folder, samples
 
@@ -157,6 +162,7 @@ def test_tracks_have_units_and_fifty_rows_a_second(recorded):
     assert len(tracks["t_s"]) == 101
     assert set(tracks["machine"]) == {"combine"}
     np.testing.assert_array_equal(tracks["one"], 1.0)
+    np.testing.assert_array_equal(tracks["v"], tracks["distance_m"])
     row = 37
     state = states[round(tracks["t_s"][row] * 1e9)]
     np.testing.assert_array_equal(

@@ -6,14 +6,17 @@ from typing import Annotated
 import numpy as np
 import pytest
 
+from swath.core.blocks import Block, Blocks, Seen
 from swath.core.frames import Pose
 from swath.core.frozen import frozen
 from swath.core.layout import quantities
+from swath.core.rows import held_row, row_like
 from swath.core.signal import About, Quantity, Signal
+from swath.core.together import plain
 from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluators.unloading import Unloading
 from swath.record.recorder import Recorder
-from swath.record.tracks import Tracks, arrays_of, read_tracks, sent_columns
+from swath.record.tracks import Tracks, arrays_of, machine_columns, read_tracks, sent_columns
 from swath.report.flow import flow_figure
 from swath.report.report import PictureSampler
 from swath.report.scan_sampler import ScanSampler
@@ -25,6 +28,7 @@ from tests.fake_run import ArcEdge, GridField, drive, machine
 from tests.report.test_flow import driven
 
 NS = 1_000_000_000
+TURNS = (0.0, -0.0, np.pi / 2, -np.pi / 2, np.pi, -np.pi)
 PORTS = {f"{slot.name}.{p.name}": p.signal for slot in SLOTS for p in (*slot.outputs, *slot.more)}
 FIGURES = {"Scans": ScanSampler.SEEN, "Pictures": PictureSampler.SEEN, "Unloading": Unloading.SIGNALS}
 
@@ -70,31 +74,92 @@ def test_no_two_columns_have_one_name():
     assert not set(judged) & {column.name for column in sent_columns(PORTS)}
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_row_is_what_each_column_says_of_the_newest_samples(seed, monkeypatch):
+    """However often somebody looks, whether arrays lie in rows or samples are held as they are."""
     rng = np.random.default_rng(seed)
-    tracks = Tracks(replace(machine(), outputs=PORTS), 1)
-    monkeypatch.setattr("swath.record.tracks.STORED", int(rng.integers(1, 8)) * len(tracks.columns))
-    others, wanted = [name for name in PORTS if PORTS[name] is not MachineState], []
-    for t in range(20):
-        tracks.take(t, "motion.state", drawn(MachineState, t, rng))
-        for name in rng.choice(others, int(rng.integers(len(others) // 2)), replace=False):
-            tracks.take(t, name, drawn(PORTS[name], t, rng))
-        wanted.append([float(values[0]) for values in tracks.newest().values()])
+    period, looks = int(rng.integers(1, 4)), rng.random()
+    each, blockwise = (Tracks(replace(machine(), outputs=PORTS), period) for _ in range(2))
+    monkeypatch.setattr("swath.record.tracks.STORED", int(rng.integers(1, 8)) * len(each.columns))
+    firsts = {kind: name for name, kind in reversed(PORTS.items())}
+    others = [name for name in PORTS if name != firsts[MachineState]]
+    rows = {name: held_row(kind, 1) for name, kind in PORTS.items()}
+    blocks, latest, shapes, wanted, row, due = Blocks(), {}, {}, [], False, 0
+    for t in range(30):
+        chosen = rng.choice(others, int(rng.integers(len(others) // 2)), replace=False).tolist()
+        for name in [firsts[MachineState]] * int(seed % 3 <= t and (t < 5 or t % 5 > 0)) + chosen:
+            sample, (slot, output) = drawn(PORTS[name], t, rng), name.split(".")
+            if name == firsts[MachineState]:
+                wanted += [said(each.columns, latest)] if row else []
+                row = t >= due
+                due = (t // period + 1) * period if row else due
+            latest[PORTS[name] if firsts[PORTS[name]] == name else name] = sample
+            each.take(Seen.of_one(f"combine.{slot}", t, {output: sample}))
+            before, shapes[name] = shapes.get(name), [np.shape(v) for v in vars(sample).values()]
+            if rng.random() < 0.3 or not (shapes[name] == before or rows[name].is_held):  # another form
+                rows[name] = row_like(sample, 1) if rng.random() < 0.5 else held_row(PORTS[name], 1)
+            rows[name].take({0: sample})
+            blocks.add(f"combine.{slot}", t, {output: rows[name]})
+            if rng.random() < looks / (1 + len(chosen)):
+                blockwise.take(Seen([Block(trail, 0) for trail in blocks.take()]))
+    blockwise.take(Seen([Block(trail, 0) for trail in blocks.take()]))
+    wanted += [said(each.columns, latest)] if row else []
     assert np.isfinite(wanted).any(axis=0).mean() > 0.9
-    np.testing.assert_array_equal(np.stack([*tracks.arrays().values()], axis=1), wanted)
+    for tracks in (each, blockwise):
+        np.testing.assert_array_equal([v[0] for v in tracks.newest().values()], said(each.columns, latest))
+        np.testing.assert_array_equal(np.stack([*tracks.arrays().values()], axis=1), wanted)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_columns_of_poses_are_what_the_poses_say(seed):
+    rng, own = np.random.default_rng(seed), machine(side=("left", "right")[seed % 2])
+    angles = [*rng.uniform(-4.0, 4.0, (20, 3)), *np.array([[k, m, 0.0] for k in TURNS for m in TURNS])]
+    poses = [Pose.from_euler(rng.normal(0.0, 100.0, 3), *angle) for angle in angles]
+    at = (*own.geometry.header_end(own.edge_side), 0.0)
+    said = {"x_m": 0, "y_m": 1, "z_m": 2, "roll_rad": 3, "pitch_rad": 4, "yaw_rad": 5}
+    said |= {"header_end_x_m": 6, "header_end_y_m": 7}
+    held = np.array([plain(pose) for pose in poses])
+    found = {c.name: c.numbers(held) for c in machine_columns(own) if c.name in said}
+    assert found.keys() == said.keys()
+    for k, pose in enumerate(poses):
+        wanted = *pose.numbers[0], *pose.euler(), *pose.point(*at)
+        assert all(float(found[name][k]).hex() == wanted[place].hex() for name, place in said.items())
+
+
+def held(value):
+    """Of one sample, as it is held."""
+    found = np.array([plain(value)])
+    if isinstance(value, np.ndarray):
+        found = np.empty(1, object)
+        found[0] = value
+    return found
+
+
+def said(columns, latest):
+    """A row of the newest samples, each column by itself."""
+    found = []
+    for column in columns:
+        sample, value = latest.get(column.source), np.nan
+        if sample is not None and column.field:
+            (value,) = column.numbers(held(getattr(sample, column.field)))
+        if sample is not None and column.over:
+            step = getattr(sample, column.over)
+            value = value / step if step > 0.0 else np.nan
+        found.append(float(value))
+    return found
 
 
 def drawn(kind, t, rng):
-    """A sample of any numbers, one in four of which is 0; its arrays are of length 2."""
+    """A sample of any numbers, one in four of which is 0; its arrays are of length 1 to 3."""
+    length = int(rng.integers(1, 4))
     draw = {
         "real": lambda n: float(rng.normal() * rng.integers(4)),
-        "int": lambda n: 2,
+        "int": lambda n: length,
         "bool": lambda n: bool(rng.integers(2)),
         "array": lambda n: np.full(n, 2.0),
     }
     sizes = {
-        name: int(np.prod([d if isinstance(d, int) else 2 for d in field.quantity.shape]))
+        name: int(np.prod([d if isinstance(d, int) else length for d in field.quantity.shape]))
         for name, field in flat_fields(kind).items()
     }
     return build(kind, t, {name: draw[field.kind](sizes[name]) for name, field in flat_fields(kind).items()})

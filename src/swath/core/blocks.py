@@ -27,6 +27,7 @@ class TakesBlocks(Protocol, metaclass=ByMembers):
     """An observer that is given what was sent since it looked last.
 
     look: what has it look; is_late: False of one that has to be called with every sample
+    beat: of one that cannot wait long, how long it may be from look to look [ns]
     """
 
     look: Callable[[], None]

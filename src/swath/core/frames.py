@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from swath.core.frozen import frozen
 from swath.core.packed_state import saved_type
-from swath.core.portable import product
+from swath.core.portable import arcsin, arctan2, product
 
 Array = NDArray[np.float64]
 Numbers = tuple[list[float], list[list[float]]]
+PARTS = ("x", "y", "z", "roll", "pitch", "yaw")  # of a pose
 
 
 @saved_type()
@@ -115,6 +116,19 @@ class Pose:
             cr * cp * sy - sr * sp * cy,
             cr * cp * cy + sr * sp * sy,
         )
+
+
+def angles_of(rotations: Array) -> Array:
+    """(roll, pitch, yaw) [rad] of rotations (n, 3, 3), shape (n, 3), as `Pose.euler`."""
+    roll = arctan2(rotations[:, 2, 1], rotations[:, 2, 2])
+    pitch = -arcsin(np.clip(rotations[:, 2, 0], -1.0, 1.0))
+    return np.stack([roll, pitch, arctan2(rotations[:, 1, 0], rotations[:, 0, 0])], axis=1)
+
+
+def part_of(poses: Array, part: str) -> Array:
+    """One of PARTS [m or rad] of poses as (n, 12) numbers, position and rows of the rotation."""
+    axis = PARTS.index(part)
+    return poses[:, axis] if axis < 3 else angles_of(poses[:, 3:].reshape(-1, 3, 3))[:, axis - 3]
 
 
 def rotation_matrix(roll: float, pitch: float, yaw: float) -> Array:

@@ -29,12 +29,14 @@ class TrackColumn:
     name: with its unit, e.g. `x_m`
     unit: as in the name
     value: the number from what the field holds
+    part: in its place, of a pose, one of `frames.PARTS`
     """
 
     name: str
     unit: str
     meaning: str
-    value: Callable[[Any], float]
+    value: Callable[[Any], float] = float
+    part: str = ""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ class Quantity:
     @property
     def tracks(self) -> tuple[TrackColumn, ...]:
         """All columns of tracks.parquet that come from the field."""
-        own = (TrackColumn(self.column, self.unit or "-", self.meaning, float),) if self.column else ()
+        own = (TrackColumn(self.column, self.unit or "-", self.meaning),) if self.column else ()
         return own + self.columns
 
 

@@ -7,7 +7,7 @@ ends on the digest of an uninterrupted one.
 """
 
 import hashlib
-from collections import deque
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from math import isnan
@@ -57,38 +57,21 @@ class Digest:
 
     def __init__(self) -> None:
         self.look: Callable[[], None] = no_look
-        self._chains: dict[tuple[str, str], _Chain] = {}
+        self._chains: defaultdict[tuple[str, str], _Chain] = defaultdict(_Chain)
         self._columns: dict[tuple[str, str], Columns] = {}
-        self._waiting: deque[Block] | None = None  # what is to be taken in, None = nothing may wait
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what `slot` published at t [ns]."""
-        for block in Seen.of_one(slot, t, outputs).blocks:
-            self._take(block)
+        self.take(Seen.of_one(slot, t, outputs))
 
     def take(self, seen: Seen) -> None:
-        """Take in what all slots published; where it may wait, until it is asked for or more comes."""
-        if self._waiting is None:
-            for block in seen.blocks:
-                self._take(block)
-        else:
-            self._take_waiting()
-            self._waiting += seen.blocks
-
-    def defer(self) -> None:
-        """From now on `take_next` takes samples in, an output at a time; none waits longer than a beat."""
-        self._waiting = deque()
-
-    def take_next(self) -> bool:
-        """Take in the oldest of what waits; False where nothing does."""
-        if not self._waiting:
-            return False
-        self._take(self._waiting.popleft())
-        return True
+        """Take in what all slots published."""
+        for block in seen.blocks:
+            self._take(block)
 
     def _take(self, block: Block) -> None:
         trail, slot, output = block.trail, block.slot, block.output
-        chain = self._chain(slot, output)
+        chain = self._chains[slot, output]
         if not block.is_even:
             for k, t in enumerate(block.times.tolist()):
                 chain.add(sample_bytes(slot, output, t, block.sample(k)))
@@ -101,21 +84,10 @@ class Digest:
         own = trail.data[:, block.world]
         chain.add(own.data if own.flags.c_contiguous else own.tobytes())
 
-    def _chain(self, slot: str, output: str) -> _Chain:
-        chain = self._chains.get((slot, output))
-        if chain is None:
-            chain = self._chains[slot, output] = _Chain()
-        return chain
-
-    def _take_waiting(self) -> None:
-        while self.take_next():
-            pass
-
     @property
     def hex(self) -> str:
         """The digest so far, 64 hexadecimal digits."""
         self.look()
-        self._take_waiting()
         whole = hashlib.sha256()
         for chain in self._chains.values():
             whole.update(hashlib.sha256(chain.value + chain.block).digest())
@@ -124,7 +96,6 @@ class Digest:
     def save(self) -> dict[str, Any]:
         """State between two samples."""
         self.look()
-        self._take_waiting()
         kept = {f"{slot}/{output}": c.value + c.block for (slot, output), c in self._chains.items()}
         return {name: np.frombuffer(data, dtype=np.uint8).copy() for name, data in kept.items()}
 

@@ -7,15 +7,16 @@ folder a rosbag 2 (version 5 of its information).
 """
 
 import zlib
-from array import array
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator, Mapping
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 from struct import Struct
-from sys import byteorder
 from typing import Any, BinaryIO, Protocol, runtime_checkable
+
+import numpy as np
 
 from swath.core.apart.call import apart, written_here
 from swath.core.errors import InputError
@@ -31,17 +32,19 @@ NAME = "metadata.yaml"
 
 @dataclass
 class Topic:
-    """msgtype: such as `std_msgs/msg/String`; qos: profiles that are offered, YAML; count: of messages."""
+    """msgtype: such as `std_msgs/msg/String`; qos: profiles that are offered, YAML; channel: its number."""
 
     msgtype: str
     qos: str = ""
-    count: int = 0
+    channel: int = 0
 
 
-def write_metadata(recording: Path, topics: Mapping[str, Topic], end: int, count: int) -> Path:
+def write_metadata(
+    recording: Path, topics: Mapping[str, Topic], end: int, message_counts: Mapping[int, int]
+) -> Path:
     """Write it for a recording that starts at 0; returns the file.
 
-    end: time of the last message [ns]; count: of all messages
+    end: time of the last message [ns]; message_counts: by channel
     """
     described = [
         {
@@ -51,14 +54,14 @@ def write_metadata(recording: Path, topics: Mapping[str, Topic], end: int, count
                 "serialization_format": "cdr",
                 "offered_qos_profiles": topic.qos,
             },
-            "message_count": topic.count,
+            "message_count": message_counts[topic.channel],
         }
         for name, topic in sorted(topics.items())
     ]
     span = {
         "starting_time": {"nanoseconds_since_epoch": 0},
         "duration": {"nanoseconds": end},
-        "message_count": count,
+        "message_count": sum(message_counts.values()),
     }
     about = {
         "version": 5,
@@ -75,8 +78,9 @@ def write_metadata(recording: Path, topics: Mapping[str, Topic], end: int, count
 
 MAGIC = b"\x89MCAP0\r\n"
 MESSAGE, FOOTER, INDEX = 0x05, 0x02, 0x07  # opcodes
-HEAD = Struct("<BQHIQQ")  # of a message: opcode, length of the rest, channel, sequence, log and publish time
-FIXED = HEAD.size - 9  # bytes of a message's length beside its data
+HEAD = np.dtype("u1, <u8, <u2, <u4, <u8, <u8")  # of a message
+HEAD.names = "opcode", "rest", "channel", "sequence", "t", "sent"  # rest: length of what follows
+FIXED = HEAD.itemsize - 9  # bytes of a message's length beside its data
 INDEX_HEAD = Struct("<BQHI")
 LEVEL = 3  # of Zstandard
 
@@ -98,10 +102,10 @@ class Container:
         self._declared: list[bytes] = []  # schemas and channels since the last chunk
         self._open: list[tuple[int, int, int, bytes]] = []  # channel, sequence, time, data
         self._size = 0  # bytes in the open chunk
-        self._counts: dict[int, int] = defaultdict(int)  # messages by channel
+        self.message_counts: dict[int, int] = defaultdict(int)  # messages by channel
         self._chunk_count = 0
         self._chunks = UnnamedFile()  # ChunkIndex of each, encoded
-        self._span: tuple[int, int] | None = None  # times of the first and the last message
+        self.span: tuple[int, int] | None = None  # times of the first and the last message in chunks
         self._attachments: list[Any] = []
         stream.write(MAGIC)
         self._put(Header(profile, library))
@@ -129,9 +133,9 @@ class Container:
 
     def add(self, channel: int, t: int, data: bytes) -> bool:
         """Append a message, logged and published at t [ns]. True when the chunk is full: `flush` it."""
-        self._counts[channel] = sequence = self._counts[channel] + 1
+        self.message_counts[channel] = sequence = self.message_counts[channel] + 1
         self._open.append((channel, sequence, t, data))
-        self._size += HEAD.size + len(data)
+        self._size += HEAD.itemsize + len(data)
         return self._size > self._chunk_bytes
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -165,8 +169,8 @@ class Container:
         offsets, begin = {}, at + length
         for channel, entries in index.items():
             offsets[channel] = begin
-            data = _bytes(entries)
-            begin += self._stream.write(INDEX_HEAD.pack(INDEX, 6 + len(data), channel, len(data)) + data)
+            head = INDEX_HEAD.pack(INDEX, 6 + len(entries), channel, len(entries))
+            begin += self._stream.write(head + entries)
         entry = ChunkIndex(
             message_start_time=chunk.message_start_time, message_end_time=chunk.message_end_time,
             chunk_start_offset=at, chunk_length=length, message_index_offsets=offsets,
@@ -175,8 +179,8 @@ class Container:
         )  # fmt: skip
         self._chunk_count += 1
         self._chunks.append(self._encoded(entry))
-        span = self._span or (min(times), max(times))
-        self._span = min(span[0], min(times)), max(span[1], max(times))
+        span = self.span or (min(times), max(times))
+        self.span = min(span[0], min(times)), max(span[1], max(times))
         self._open, self._declared, self._size = [], [], 0
         self._stream.flush()
 
@@ -214,35 +218,31 @@ class Container:
         record.write(builder)
         return bytes(builder.end())
 
-    def _records(self) -> tuple[bytes, dict[int, "array[int]"]]:
+    def _records(self) -> tuple[bytes, dict[int, bytes]]:
         """The open chunk, and by channel the time and the place of every message, one after the other."""
-        parts, pack = list(self._declared), HEAD.pack
-        at = sum(len(part) for part in parts)
-        index: dict[int, array[int]] = {}
-        for channel, sequence, t, data in self._open:
-            entries = index.get(channel)
-            if entries is None:
-                entries = index[channel] = array("Q")
-            entries.append(t)
-            entries.append(at)
-            size = len(data)
-            parts += (pack(MESSAGE, FIXED + size, channel, sequence, t, t), data)
-            at += HEAD.size + size
-        return b"".join(parts), index
+        channels, sequences, times, data = zip(*self._open, strict=True)
+        heads, declared = np.empty(len(data), HEAD), b"".join(self._declared)
+        heads["opcode"], heads["channel"], heads["sequence"] = MESSAGE, channels, sequences
+        heads["rest"], heads["t"], heads["sent"] = [FIXED + len(part) for part in data], times, times
+        ends = len(declared) + np.cumsum(heads["rest"] + 9)
+        entries = np.stack([heads["t"], ends - heads["rest"] - 9], axis=1).astype("<u8")
+        index = {c: entries[heads["channel"] == c].tobytes() for c in dict.fromkeys(channels)}
+        parts = zip(heads.view(f"V{HEAD.itemsize}").tolist(), data, strict=True)
+        return b"".join([declared, *chain.from_iterable(parts)]), index
 
     def _summary(self) -> list[tuple[int, list[Any]]]:
         """Groups of records by their opcode."""
         from mcap.opcode import Opcode
         from mcap.records import Statistics
 
-        first, last = self._span or (0, 0)
+        first, last = self.span or (0, 0)
         chunks = [_Encoded(self._chunks.read())] if self._chunk_count else []
         statistics = Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
-            channel_message_counts=dict(self._counts),
+            channel_message_counts=dict(self.message_counts),
             chunk_count=self._chunk_count,
-            message_count=sum(self._counts.values()),
+            message_count=sum(self.message_counts.values()),
             metadata_count=0,
             message_start_time=first,
             message_end_time=last,
@@ -274,13 +274,6 @@ def _group(opcode: int, start: int, length: int) -> Any:
     from mcap.records import SummaryOffset
 
     return SummaryOffset(group_opcode=opcode, group_start=start, group_length=length)
-
-
-def _bytes(numbers: "array[int]") -> bytes:
-    """In little-endian order."""
-    if byteorder == "big":
-        numbers.byteswap()
-    return numbers.tobytes()
 
 
 def _compressed(data: bytes) -> bytes:
@@ -364,9 +357,7 @@ class McapFile:
         self._stream = open_to_write(path)
         self._container = Container(self._stream, chunk_bytes=CHUNK_BYTES, profile="ros2", library="swath")
         self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}
-        self._end = self._count = 0
         self._templates: dict[tuple[str, Hashable], Template] = {}
         self._is_torn = False
         self.taps: list[Tap] = []  # called with every message that is written while `is_heard`
@@ -380,16 +371,14 @@ class McapFile:
             data, build = self._from_draft(topic, message)
         else:
             data, build = bytes(self.store.serialize_cdr(message, message.__msgtype__)), lambda: message
-        if topic not in self._channels:
+        if topic not in self._topics:
             self._declare(topic, build().__msgtype__, is_latched)
-        self.add(topic, t, data)
-        for tap in self.taps if self.is_heard else ():
-            tap(topic, t, data, build, is_latched)
+        self.add(topic, t, data, build)
 
     @property
     def count(self) -> int:
         """Messages so far."""
-        return self._count
+        return sum(self._container.message_counts.values())
 
     def begin_as(self, source: Path, count: int) -> None:
         """Take over the first messages of another file, in place of those that a new run would write.
@@ -400,7 +389,7 @@ class McapFile:
             if topic not in self._topics:
                 self._register(about, topic, definition)
             self.add(topic, t, data)
-        if self._count < count:
+        if self.count < count:
             raise InputError("recording", source.name, f"expected {count} messages of the run", file=source)
 
     def rows(self, topic: str, draft: Draft) -> list[bytes] | None:
@@ -408,17 +397,22 @@ class McapFile:
         template = self._templates.get((topic, draft.variant))
         return None if template is None else template.fill_all(draft.t, draft.values)
 
-    def add(self, topic: str, t: int, data: bytes) -> None:
-        """Append the bytes of a message of a topic that is known; after a torn one nothing."""
+    def add(self, topic: str, t: int, data: bytes, build: Callable[[], Any] | None = None) -> None:
+        """Append the bytes of a message of a topic that is known; after a torn one nothing.
+
+        build: makes the message, else it is made of its bytes
+        """
         if self._is_torn:
             return
-        self._topics[topic].count += 1
-        self._count += 1
-        self._end = max(self._end, t)
-        if self._container.add(self._channels[topic], t, data):
+        about = self._topics[topic]
+        if self._container.add(about.channel, t, data):
             self._is_torn = True  # until the chunk is whole: Ctrl-C may come in between
             self._container.flush()
             self._is_torn = False
+        if self.taps and self.is_heard:
+            build = build or partial(self.store.deserialize_cdr, data, about.msgtype)
+            for tap in self.taps:
+                tap(topic, t, data, build, bool(about.qos))
 
     def _from_draft(self, topic: str, draft: Draft) -> tuple[bytes, Callable[[], Any]]:
         """CDR bytes of a message, and what makes the message."""
@@ -452,7 +446,8 @@ class McapFile:
             try:
                 if not self._is_torn:
                     self._container.finish()
-                    write_metadata(self.path, self._topics, self._end, self._count)
+                    _, end = self._container.span or (0, 0)
+                    write_metadata(self.path, self._topics, end, self._container.message_counts)
             finally:
                 self._stream.close()
                 written_here(self.path)
@@ -469,6 +464,6 @@ class McapFile:
         if about.msgtype not in self._schemas:
             made = self._container.add_schema(about.msgtype, "ros2msg", definition)
             self._schemas[about.msgtype] = made
-        self._topics[topic] = about
         kind = self._schemas[about.msgtype]
-        self._channels[topic] = self._container.add_channel(topic, "cdr", kind, {QOS: about.qos})
+        channel = self._container.add_channel(topic, "cdr", kind, {QOS: about.qos})
+        self._topics[topic] = replace(about, channel=channel)

@@ -2,11 +2,13 @@
 
 import json
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain, repeat
+from operator import itemgetter
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from swath import __version__
@@ -19,10 +21,9 @@ from swath.record.mcap_file import McapFile
 from swath.record.message_factory import Draft, RecordedMachine, plain_names
 from swath.record.messenger import Messenger
 from swath.record.samples import BLOCK_NS, Blocks, is_recordable
-from swath.record.tracks import Column, Tracks, read_tracks, write_tracks
+from swath.record.tracks import Column, Tracks, first_in_each, read_tracks, write_tracks
 from swath.signals import Signal
 
-Made = Sequence[tuple[str, bytes]] | None  # topics and bytes of a sample's messages; None: not yet made
 SCENE = "scene"  # the obstacles of the field, which are recorded beside the machines
 TRACKS_FILE, RECORDING_FILE = "tracks.parquet", "run.mcap"
 SCENARIO = "scenario.yaml"  # attachment of run.mcap
@@ -33,6 +34,7 @@ PHASE = 0.618  # of a block, from output to output: the golden section spreads a
 LARGE_PERIOD = NS * 2 // 5  # the same of a large truth
 LATEST = NS // 10  # that a sample waits to be written, where it may wait
 HEARD_LATEST = NS // 50  # the same where taps hear the messages
+SELDOM = NS * 3600  # between two looks where nobody waits
 
 
 class Recorder:
@@ -70,9 +72,9 @@ class Recorder:
         self._is_closed = False
         self._sinks: dict[tuple[str, str], _Sink] = {}
         self._full: list[Blocks] = []
-        self._t = -1  # of the newest samples [ns]
-        self._waiting: deque[_Waiting] | None = None  # what is still to be written, None = nothing may wait
-        self._latest = LATEST
+        self._t = -1  # of the newest sample that is written [ns]
+        self._waiting: deque[_Waiting] = deque()  # samples that are still to be written
+        self._is_deferred = False
         self.look: Callable[[], None] = no_look
         if self.file is not None:
             self.file.attach(ABOUT, "application/json", _about(machines, detail).encode())
@@ -81,70 +83,47 @@ class Recorder:
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Record what `slot` published at t [ns]."""
-        waiting = self._waiting
-        if waiting is None:
-            self._begin_tick(t)
-        else:
-            waiting.append((t, None, "", None))
-        for output, signal in outputs.items():
-            sink = self._sinks.get((slot, output))
-            if sink is None:
-                sink = self._sinks[slot, output] = self._sink(slot, output, signal)
-            if sink.tracks is not None:
-                sink.tracks.take(t, sink.source, signal)
-            if sink.messenger is None:
-                continue
-            if waiting is None:
-                self._write(sink, output, t, signal)
-            else:
-                waiting.append((t, sink, output, signal))
-        while waiting and waiting[0][0] <= t - self._latest:
-            self.write_next()
+        self.take(Seen.of_one(slot, t, outputs))
 
     @property
     def is_late(self) -> bool:
-        """Nobody hears the messages, none is written between ticks, no column changes with an evaluator."""
-        every = (column for columns in self._more.values() for column in columns)
-        is_live = any(column.later is None for column in every)
-        return not is_live and self._waiting is None and not (self.file and self.file.taps)
+        """No column is what an evaluator holds at the moment."""
+        return all(column.value is None for columns in self._more.values() for column in columns)
+
+    @property
+    def beat(self) -> int:
+        """How long it may be from look to look [ns]."""
+        if self.file is not None and self.file.taps:
+            return HEARD_LATEST // 2 if self._is_deferred else HEARD_LATEST
+        return LATEST // 2 if self._is_deferred else SELDOM
 
     def take(self, seen: Seen) -> None:
         """Record what slots published since the last call, in order."""
         with unstopped():
-            blocks = sorted(seen.blocks, key=lambda block: int(block.orders[0]))
-            made = [(block, block.times.tolist(), *self._prepared(block)) for block in blocks]
-            every = [(order, n, k) for n, b in enumerate(blocks) for k, order in enumerate(b.orders.tolist())]
-            for _, n, k in sorted(every):
-                block, times, sink, messages = made[n]
-                self._begin_tick(times[k])
-                if sink.tracks is not None:
-                    sink.tracks.take_of(times[k], sink.source, block, k)
-                if (to := sink.messenger) is None:
-                    continue
-                if (ready := messages[k]) is None:
-                    to.write(sink.part, block.output, times[k], block.sample(k))
-                for topic, data in ready or ():
-                    to.file.add(topic, times[k], data)
-                if sink.blocks is not None:
-                    sink.blocks.take(times[k], block, k)
-                    if sink.blocks.is_full:
-                        self._full.append(sink.blocks)
+            for name, tracks in self._tracks.items():
+                tracks.take(seen.of_machine(name))
+            if self.file is not None and seen.blocks:
+                blocks = sorted(seen.blocks, key=lambda block: int(block.orders[0]))
+                self._waiting += sorted(chain.from_iterable(map(self._samples, blocks)), key=itemgetter(0))
+                until = self._waiting[-1][1] - (self.beat if self._is_deferred else 0)
+                while self._waiting and self._waiting[0][1] <= until:
+                    self.write_next()
 
-    def _prepared(self, block: Block) -> tuple["_Sink", list[Made]]:
-        """What takes the samples of a block, and the messages of each that are made already."""
-        slot, output, times = block.slot, block.output, block.times.tolist()
-        sink = self._sinks.get((slot, output))
+    def _samples(self, block: Block) -> Iterable["_Waiting"]:
+        """The samples of a block, which are to be written."""
+        key, n, made = (block.slot, block.output), len(block), list[Made]([()] * len(block))
+        sink = self._sinks.get(key)
         if sink is None:
-            sink = self._sinks[slot, output] = self._sink(slot, output, block.sample(0))
-        if sink.messenger is None:
-            return sink, []
-        due = [k for k, t in enumerate(times) if self._is_due(sink, t)]
-        which = due if self._detail == "thinned" else range(len(times))
-        sink.left_out += len(times) - len(which)
-        found: list[Made] = [()] * len(times)
-        for k, ready in zip(which, sink.messenger.rows(sink.part, output, block, which), strict=True):
-            found[k] = ready
-        return sink, found
+            sink = self._sinks[key] = self._sink(*key, block.sample(0))
+        period = sink.period if self.file is not None and self.file.taps else sink.alone
+        is_due, sink.due = first_in_each(period, block.times, sink.due)
+        if sink.messenger is not None:
+            which = is_due.nonzero()[0].tolist() if self._detail == "thinned" else range(n)
+            sink.left_out += n - len(which)
+            for k, own in zip(which, sink.messenger.rows(sink.part, block.output, block, which), strict=True):
+                made[k] = own
+        orders, times = block.orders.tolist(), block.times.tolist()
+        return zip(orders, times, repeat(sink), repeat(block), range(n), is_due.tolist(), made)
 
     @property
     def tracks(self) -> dict[str, Tracks]:
@@ -160,10 +139,8 @@ class Recorder:
     def left_out(self) -> str:
         """How many samples of a thinned recording have no message, by slot and output; "" = none."""
         self.look()
-        left_out = [
-            f"{sink.left_out} of {'.'.join(key)}" for key, sink in self._sinks.items() if sink.left_out
-        ]
-        return ", ".join(left_out)
+        counts = ((key, sink.left_out) for key, sink in self._sinks.items() if sink.left_out)
+        return ", ".join(f"{count} of {'.'.join(key)}" for key, count in counts)
 
     def defer(self) -> None:
         """From now on `write_next` writes run.mcap, sample by sample; nothing waits longer than LATEST.
@@ -171,52 +148,40 @@ class Recorder:
         Where taps hear the messages, HEARD_LATEST; they hear them in the same order. `write_waiting` before
         somebody acts on what was heard.
         """
-        if self.file is not None:
-            self._waiting = deque()
-            self._latest = HEARD_LATEST if self.file.taps else LATEST
+        self._is_deferred = True
 
     def write_next(self) -> bool:
         """Write the oldest of the samples that wait; False where none does."""
         if not self._waiting:
             return False
-        t, sink, output, signal = self._waiting.popleft()
-        if sink is None or signal is None:
+        _, t, sink, block, k, is_due, made = self._waiting.popleft()
+        if t > self._t:
             self._begin_tick(t)
-        else:
-            self._write(sink, output, t, signal)
+        if (to := sink.messenger) is not None:
+            to.file.is_heard = is_due
+            if made is None:
+                to.write(sink.part, block.output, t, block.sample(k))
+            for topic, data in made or ():
+                to.file.add(topic, t, data)
+        if sink.blocks is not None:
+            sink.blocks.take(t, block, k)
+            if sink.blocks.is_full:
+                self._full.append(sink.blocks)
         return True
 
     def _begin_tick(self, t: int) -> None:
-        if self._full and t > self._t:
-            self._write_blocks()
-        self._t = t
+        """Write the blocks that the last tick filled: not in that tick, which may hold a scan."""
+        full, self._full, self._t = self._full, [], t
+        for blocks in full:
+            blocks.flush()
         if t >= self._clock_due and self.file is not None:
             self._tell_time(self.file, t)
-
-    def _write(self, sink: "_Sink", output: str, t: int, signal: Signal) -> None:
-        """A sample into run.mcap."""
-        if sink.messenger is not None and self.file is not None:
-            self.file.is_heard = self._is_due(sink, t)
-            if self.file.is_heard or self._detail != "thinned":
-                sink.messenger.write(sink.part, output, t, signal)
-            else:
-                sink.left_out += 1
-        if sink.blocks is not None:
-            sink.blocks.add(t, signal)
-            if sink.blocks.is_full:
-                self._full.append(sink.blocks)
 
     def write_waiting(self) -> None:
         """Write all that waits."""
         self.look()
         while self.write_next():
             pass
-
-    def _write_blocks(self) -> None:
-        """Write the blocks that the last tick filled: not in that tick, which may hold a scan."""
-        full, self._full = self._full, []
-        for blocks in full:
-            blocks.flush()
 
     def save(self) -> dict[str, Any]:
         """What is not in the files so far, and how much of them there is."""
@@ -244,7 +209,7 @@ class Recorder:
         for name, messenger in self._messengers.items():
             messenger.load(state["makers"][name])
         for key, (timing, blocks) in state["outputs"].items():
-            sink = self._sinks[key] = self._empty_sink(*key)
+            sink = self._sinks[key] = self._empty_sink(key[0])
             sink.period, sink.alone, sink.due, sink.left_out = timing
             if blocks is not None:
                 sink.blocks = self._new_blocks(*key)
@@ -258,36 +223,35 @@ class Recorder:
             return
         self.look()
         self._is_closed = True
-        try:
+        with ExitStack() as rest:  # whatever fails before
+            if self.file is not None:
+                rest.callback(self.file.close)
+                rest.callback(self._write_rest)
             if self._detail != "none":
                 write_tracks(self.folder / TRACKS_FILE, list(self.tracks.values()))
-        finally:
-            if self.file is not None:
-                try:
-                    self.write_waiting()
-                    for sink in self._sinks.values():
-                        if sink.blocks is not None:
-                            sink.blocks.flush()
-                finally:
-                    self.file.close()
+
+    def _write_rest(self) -> None:
+        self.write_waiting()
+        for sink in self._sinks.values():
+            if sink.blocks is not None:
+                sink.blocks.flush()
 
     def __enter__(self) -> "Recorder":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _tell_time(self, file: McapFile, t: int) -> None:
         """`/clock`, as often as the thinned messages."""
         period = BESIDE_PERIOD if self._detail == "thinned" and not file.taps else PERIOD
-        self._clock_due, file.is_heard = (t // period + 1) * period, True
-        file.write("/clock", t, Draft(t, (), (), lambda: _clock(file, t)))
+        self._clock_due, file.is_heard, make = (t // period + 1) * period, True, file.make
+        kind = "rosgraph_msgs/msg/Clock"
+        file.write("/clock", t, Draft(t, (), (), lambda: make(kind, clock=make.header(t, "").stamp)))
 
     def _sink(self, slot: str, output: str, signal: Signal) -> "_Sink":
         """What takes the samples of an output, of which this is the first."""
-        sink = self._empty_sink(slot, output)
+        sink = self._empty_sink(slot)
         about, detail = signal.about, self._detail
         sink.period = PERIOD if about.is_thinned else 0
         is_large = about.samples == "full"
@@ -302,27 +266,19 @@ class Recorder:
             sink.alone = BULKY_PERIOD if about.is_bulky else BESIDE_PERIOD if is_small else 0
         return sink
 
-    def _empty_sink(self, slot: str, output: str) -> "_Sink":
+    def _empty_sink(self, slot: str) -> "_Sink":
         name, _, part = slot.partition(".")
-        return _Sink(part, f"{part}.{output}", self._tracks.get(name), self._messengers.get(name))
+        return _Sink(part, self._messengers.get(name))
 
     def _new_blocks(self, slot: str, output: str) -> Blocks:
         share = len(self._sinks) * PHASE % 1.0  # of a block: outputs write theirs in different ticks
         first = BLOCK_NS - int(share * BLOCK_NS)
         return Blocks(self.file, f"/{slot.replace('.', '/')}/{output}", first)
 
-    def _is_due(self, sink: "_Sink", t: int) -> bool:
-        """Whether a message is to be written."""
-        period = sink.period if self.file is not None and self.file.taps else sink.alone
-        if t < sink.due and period:
-            return False
-        sink.due = (t // period + 1) * period if period else 0
-        return True
-
 
 @dataclass(slots=True)
 class _Sink:
-    """Where the samples of an output go. part, source: its slot, and with the output, without the machine.
+    """Where the samples of an output go. part: its slot, without the machine.
 
     period: between two messages that taps hear [ns], 0 = all
     alone: between two of a thinned recording that nobody listens to
@@ -331,8 +287,6 @@ class _Sink:
     """
 
     part: str
-    source: str
-    tracks: Tracks | None
     messenger: Messenger | None
     blocks: Blocks | None = None
     period: int = 0
@@ -346,11 +300,9 @@ class _Sink:
         return timing, None if self.blocks is None else self.blocks.save()
 
 
-_Waiting = tuple[int, _Sink | None, str, Signal | None]  # None: a tick begins
-
-
-def _clock(file: McapFile, t: int) -> Any:
-    return file.make("rosgraph_msgs/msg/Clock", clock=file.make.header(t, "").stamp)
+Made = Sequence[tuple[str, bytes]] | None  # topics and bytes of a sample's messages; None: not yet made
+# a sample that is to be written: its order, time [ns], place in its block, whether taps hear it
+_Waiting = tuple[int, int, _Sink, Block, int, bool, Made]
 
 
 def _about(machines: Sequence[RecordedMachine], detail: str) -> str:

@@ -7,78 +7,77 @@ number that has no declared column has one by rule, behind all others (`sent_col
 """
 
 import json
-from array import array
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swath.core.blocks import Block
+from swath.core.blocks import Block, Ints, Seen
 from swath.core.errors import InputError, SwathError
 from swath.core.files.unnamed_file import UnnamedFile
 from swath.core.files.whole_file import new_file
-from swath.core.layout import quantities
+from swath.core.frames import Pose, part_of
+from swath.core.layout import layout, quantities
 from swath.core.schedule import NS
-from swath.core.signal import TrackColumn, signal_types
+from swath.core.signal import signal_types
+from swath.core.together import poses_of
 from swath.documents.packed import open_parquet
 from swath.record.formats import TRACKS, check_format
 from swath.record.message_factory import RecordedMachine
 from swath.signals import MachineState, Signal
-from swath.signals.flat import amounts, flat_fields, pose_number
+from swath.signals.flat import amounts, flat_fields
 
-Latest = Mapping[type[Signal], Any]  # newest sample of each type
+Latest = Mapping[Any, Any]  # newest sample of each type
 NAN = float("nan")
 Rows = Mapping[str, np.ndarray]  # columns of a table, or of a piece of it, (row_count,) each
 STORED = 1 << 16  # numbers that are kept in memory; those before lie in a file that has no name
 PIECE = 1 << 14  # rows that are read or written together
 LENGTH = "dt"  # the amount that says how long a step is: over it the others are flows
 SHOWN_ROWS = 1 << 14  # of a machine, of which pages are made: what they show has no more points
+SAVED = ("present", "latest", "due", "is_open", "is_begun")  # of tracks, beside their rows
+PRESENT = np.iinfo(np.int64).max  # an order behind those of all samples
 
 
 @dataclass(frozen=True)
 class Column:
     """A column; unit as in the file; what it says.
 
-    value: called for every row with the newest sample of every type
-    later: called with the columns of `value` when the table is read, gives the whole column, (row_count,)
+    value: called for every row with the newest sample of every type; the run then looks at every sample
+    later: called with the columns that come from samples when the table is read, gives the whole column,
+        (row_count,)
     is_by_row: `later` gives each value from its row alone
-    source: what its value depends on alone, a key of the newest samples; None where it depends on more
-    field: of the newest sample of the source, "" where the value is not of one
-    number: from what it holds
-    over: another field of the sample, by which it is divided
+    source: of which samples it is made, a key of `Tracks`; None where of none
+    field: what it is made from
+    numbers: from what the field holds in some samples, as `Block.values` has it
+    over: another field of the samples, by which it is divided
     """
 
     name: str
     unit: str
     meaning: str
-    value: Callable[[Latest], float] = lambda _: NAN
+    value: Callable[[Latest], float] | None = None
     later: Callable[[Mapping[str, Any]], Any] | None = None
-    source: Any = None
     is_by_row: bool = False
+    source: Any = None
     field: str = ""
-    number: Callable[[Any], float] = float
+    numbers: Callable[[Any], Any] = np.asarray
     over: str = ""
 
 
-def _column(key: Any, field: str, column: TrackColumn, name: str, over: str = "") -> Column:
-    def value(latest: Mapping[Any, Any]) -> float:
-        if key not in latest:
-            return NAN
-        found = column.value(getattr(latest[key], field))
-        return _over(found, getattr(latest[key], over)) if over else found
-
-    return Column(
-        name, column.unit, column.meaning, value, source=key, field=field, number=column.value, over=over
-    )
-
-
-def _over(value: float, dt: float) -> float:
-    return value / dt if dt > 0.0 else NAN
+def _numbers(kind: type[Signal], field: str, value: Any = float, part: str = "") -> Callable[[Any], Any]:
+    """What makes a column of a field. value, part: as in `TrackColumn`."""
+    if part:
+        return lambda held: part_of(held, part)
+    if value is float:
+        return np.asarray
+    if layout(kind)[field].kind == "pose":
+        return lambda held: [*map(value, poses_of(held))]
+    return lambda held: [*map(value, held.tolist() if held.ndim == 1 else held)]
 
 
 def signal_columns(signal: type[Signal], key: Any, prefix: str = "") -> list[Column]:
@@ -86,10 +85,12 @@ def signal_columns(signal: type[Signal], key: Any, prefix: str = "") -> list[Col
     found = []
     if name := signal.about.time_column:
         meaning = "simulated time" if name == "t_s" else f"time the newest {signal.__name__} is valid for"
-        found.append(_column(key, "t", TrackColumn(name, "s", meaning, lambda t: t / NS), prefix + name))
+        found.append(Column(prefix + name, "s", meaning, field="t", numbers=lambda t: t / NS))
     for field, quantity in quantities(signal).items():
-        found += [_column(key, field, c, prefix + c.name) for c in quantity.tracks]
-    return found
+        for c in quantity.tracks:
+            numbers = _numbers(signal, field, c.value, c.part)
+            found.append(Column(prefix + c.name, c.unit, c.meaning, field=field, numbers=numbers))
+    return [replace(column, source=key) for column in found]
 
 
 def machine_columns(machine: RecordedMachine) -> list[Column]:
@@ -128,10 +129,9 @@ def sent_columns(outputs: Mapping[str, type[Signal]]) -> list[Column]:
                 continue
             over = step_long if name in amounts(kind) else ""
             unit = f"{field.unit or '1'}/s" if over else field.unit
-            number = partial(pose_number, part=part) if part else float
-            column = TrackColumn("", unit or "-", f"{output}: {field.quantity.meaning}", number)
-            ends = [name.replace(".", "_"), unit.replace("/", "_").lower()]
-            found.append(_column(key, whole, column, "_".join(filter(None, [*begin, *ends])), over))
+            full = "_".join([*begin, *name.split("."), *filter(None, [unit.replace("/", "_").lower()])])
+            made = Column(full, unit or "-", f"{output}: {field.quantity.meaning}", source=key, field=whole)
+            found.append(replace(made, numbers=_numbers(kind, whole, part=part), over=over))
     return found
 
 
@@ -147,16 +147,33 @@ def _first(machine: RecordedMachine, kind: type[Signal]) -> str:
 
 def header_end_columns(machine: RecordedMachine) -> tuple[Column, Column]:
     """World position of the header end that follows the edge."""
-    x, y = machine.geometry.header_end(machine.edge_side)
+    (x, y), side = machine.geometry.header_end(machine.edge_side), machine.edge_side
 
-    def at(axis: int) -> Callable[[Latest], float]:
-        return lambda latest: latest[MachineState].pose.point(x, y, 0.0)[axis]
+    def at(axis: int) -> Callable[[Any], Any]:
+        return lambda held: _as_one(held).point(x, y, 0.0)[axis]
 
-    side = machine.edge_side
+    of_pose = partial(Column, unit="m", source=MachineState, field="pose")
     return (
-        Column("header_end_x_m", "m", f"east of the header's {side} end", at(0)),
-        Column("header_end_y_m", "m", f"north of the header's {side} end", at(1)),
+        of_pose("header_end_x_m", meaning=f"east of the header's {side} end", numbers=at(0)),
+        of_pose("header_end_y_m", meaning=f"north of the header's {side} end", numbers=at(1)),
     )
+
+
+def _as_one(held: Any) -> Any:
+    """Poses as one whose numbers are columns."""
+    numbers = [*held.T]
+    return Pose.of_numbers(numbers[:3], [numbers[3:6], numbers[6:9], numbers[9:]])
+
+
+def first_in_each(period: int, times: Ints, due: int) -> tuple[NDArray[np.bool_], int]:
+    """Which of some times [ns] are the first of their period, and when the next is due.
+
+    period: 0 = all are; due: as it was for the times before
+    """
+    if not period:
+        return np.ones(len(times), np.bool_), due
+    ends = (times // period + 1) * period
+    return ends > np.append(due, ends[:-1]), int(ends[-1])
 
 
 class EvenRows:
@@ -196,74 +213,107 @@ class EvenRows:
         return {name: np.concatenate([piece[name] for piece in pieces]) for name in (pieces or [{}])[0]}
 
 
-class _Newest(dict[Any, Any]):
-    """The newest samples; one of a block, held as (block, place), is made where it is asked for."""
+class Tracks(Mapping[str, np.ndarray]):
+    """Collects the rows of one machine; once the run is over, its columns, each read when it is asked for.
 
-    def __getitem__(self, key: Any) -> Any:
-        value = super().__getitem__(key)
-        if isinstance(value, tuple):
-            block, k = value
-            value = self[key] = block.sample(k)
-        return value
+    A row is complete with the next state of the machine: it holds the newest sample of every output that was
+    sent before. Samples have their type as a key, those of a further output of that type its name.
 
-    def get(self, key: Any, default: Any = None) -> Any:
-        value = super().get(key, default)
-        return self[key] if isinstance(value, tuple) else value
-
-    held = dict.get  # itself, or (block, place)
-
-
-class Tracks:
-    """Collects the rows of one machine.
-
-    extra: further columns, e.g. of the evaluators; their `value` gets the newest samples too
+    extra: further columns, e.g. of the evaluators
     """
 
     def __init__(self, machine: RecordedMachine, period: int, extra: tuple[Column, ...] = ()) -> None:
         self.machine = machine
         self.columns = (*machine_columns(machine), *extra, *sent_columns(machine.outputs))
-        keys = dict.fromkeys(column.source for column in self.columns if column.field)
-        self._sources = {key: _Source(key, self.columns) for key in keys}
-        self._others = [i for i, column in enumerate(self.columns) if not column.field]
-        self._other_values, self._count = array("d"), 0  # of the rows that are not stored
-        self._stored = UnnamedFile()
-        self._changed: set[Any] = set()  # keys of samples that came after the newest row
-        self._latest = _Newest()  # by type; of a further output of a type by its name
+        self._places = {column.name: place for place, column in enumerate(self.columns)}
+        self._sources: dict[Any, list[tuple[int, Column]]] = {}  # places and columns, by key
+        for place, column in enumerate(self.columns):
+            if column.field:
+                self._sources.setdefault(column.source, []).append((place, column))
+        self._live = [(i, c.value) for i, c in enumerate(self.columns) if c.value is not None]
+        self._latest: dict[Any, Any] = {}  # by key, where a column is live
         self._further = {o for o, kind in machine.outputs.items() if o != _first(machine, kind)}
-        self._period, self._due, self._is_open = period, 0, False
+        self._present = np.full(len(self.columns), NAN)  # a row of the newest samples
+        self._waiting: dict[Any, Block] = {}  # whose last samples belong there
+        self._rows: list[np.ndarray] = []  # those that are not stored
+        self._count, self._stored = 0, UnnamedFile()
+        self._period, self._due, self._is_open, self._is_begun = period, 0, False, False
 
-    def take(self, t: int, output: str, signal: Signal) -> None:
-        """Note a sample of `slot.output` published at t [ns]."""
-        if isinstance(signal, MachineState) and output not in self._further:
-            self._next_row(t)
-        self._put(output if output in self._further else type(signal), signal)
+    def take(self, seen: Seen) -> None:
+        """Note what the slots of the machine sent since the last call."""
+        ends, newest = self._ends(seen), dict[Any, Any]()
+        row, last = self._present[None], len(ends) - 1
+        if last:
+            row = self._row() if self._is_begun else self._catch_up()
+        table = row.repeat(len(ends), axis=0)
+        for block in seen.blocks:
+            key = self._key(block)
+            self._is_begun |= key is MachineState
+            if self._live:
+                self._latest[key] = block.sample(-1)
+            if key in self._sources:
+                which, before = block.before(ends), newest.get(key, -1)
+                orders = np.where(which < 0, -1, block.orders[which])
+                rows, newest[key] = (orders > before).nonzero()[0], np.maximum(orders, before)
+                if len(rows) and rows[-1] == last:
+                    self._waiting.pop(key, None)
+                if len(rows) and rows[0] == last:
+                    self._waiting[key] = block
+                elif len(rows):
+                    self._fill(table, rows, key, block, which[rows])
+        self._present = table[-1]
+        if self._is_begun:
+            self._add(table[:-1])
 
-    def take_of(self, t: int, output: str, block: Block, k: int) -> None:
-        """The same of one of the samples of a block."""
-        if issubclass(block.kind, MachineState) and output not in self._further:
-            self._next_row(t)
-        self._put(output if output in self._further else block.kind, (block, k))
+    def _fill(self, table: np.ndarray, rows: np.ndarray, key: Any, block: Block, which: np.ndarray) -> None:
+        """Put what some samples say into rows."""
+        with np.errstate(all="ignore"):
+            for place, column in self._sources[key]:
+                values = column.numbers(block.values(column.field)[which])
+                step = block.values(column.over)[which] if column.over else None
+                table[rows, place] = values if step is None else _over(values, step)
 
-    def _put(self, key: Any, held: Any) -> None:
-        self._latest[key] = held
-        self._changed.add(key)
+    def _catch_up(self) -> np.ndarray:
+        """What samples say at present, (1, columns)."""
+        row = self._present[None]
+        for key, block in self._waiting.items():
+            self._fill(row, np.zeros(1, int), key, block, np.array([len(block) - 1]))
+        self._waiting = {}
+        return row
 
-    def _next_row(self, t: int) -> None:
-        self._finish_row()
-        if t >= self._due:
-            self._is_open = True
-            self._due = (t // self._period + 1) * self._period
+    def _row(self) -> np.ndarray:
+        """All columns at present, (1, columns)."""
+        row = self._catch_up().copy()
+        for place, value in self._live:
+            row[0, place] = value(self._latest)
+        return row
+
+    def _key(self, block: Block) -> Any:
+        output = f"{block.slot.partition('.')[2]}.{block.output}"
+        return output if output in self._further else block.kind
+
+    def _ends(self, seen: Seen) -> np.ndarray:
+        """The last orders of the rows that are complete now, and of the present."""
+        states = [b for b in seen.blocks if issubclass(b.kind, MachineState) and self._key(b) is b.kind]
+        if not states:
+            return np.array([PRESENT])
+        orders, times = (np.concatenate(a) for a in ([b.orders for b in states], [b.times for b in states]))
+        if len(states) > 1:
+            places = orders.argsort(kind="stable")
+            orders, times = orders[places], times[places]
+        begins, self._due = first_in_each(self._period, times, self._due)
+        is_open = np.append(self._is_open, begins)
+        self._is_open = bool(is_open[-1])
+        return np.append(orders[is_open[:-1]] - 1, PRESENT)
 
     def save(self) -> dict[str, Any]:
         """What is not in the rows so far, and how many these are. SwathError where rows do not say it all."""
         for column in self.columns:
-            if column.later is not None and column.value is not Column.value:
+            if column.later is not None and column.value is not None:
                 raise SwathError(f"column {column.name} is judged later, its rows cannot be read back")
-        self._store()
-        rows = self._stored.size // (8 * len(self.columns))
-        latest = {key: self._latest[key] for key in self._latest}
-        kept = {"latest": latest, "due": self._due, "is_open": self._is_open}
-        return {"rows": rows, "columns": [c.name for c in self.columns], **kept}
+        self._catch_up()
+        kept = {name: getattr(self, f"_{name}") for name in SAVED}
+        return {"rows": self.row_count, "columns": [*self], **kept}
 
     def load(self, state: Mapping[str, Any], table: Mapping[str, np.ndarray]) -> None:
         """Go on from a saved state. table: columns of a tracks.parquet that begins with the same rows.
@@ -271,24 +321,21 @@ class Tracks:
         InputError where it has fewer of them.
         """
         rows, own = state["rows"], table.get("machine", np.array([])) == self.machine.name
-        if state["columns"] != [c.name for c in self.columns] or int(own.sum()) < rows:
+        if state["columns"] != [*self] or int(own.sum()) < rows:
             raise InputError("tracks", self.machine.name, f"expected the first {rows} rows of the run")
         empty = np.full(rows, NAN)
         found = [table[c.name][own][:rows] if c.later is None else empty for c in self.columns]
-        self._stored = UnnamedFile()
-        self._stored.append(np.stack(found, axis=1).tobytes())
-        self._latest, self._due, self._is_open = _Newest(state["latest"]), state["due"], state["is_open"]
-        self._changed = {*self._latest}
+        self._rows, self._count, self._stored, self._waiting = [], 0, UnnamedFile(), {}
+        self._add(np.stack(found, axis=1))
+        for name in SAVED:
+            setattr(self, f"_{name}", state[name])
 
     def newest(self, names: Container[str] | None = None) -> dict[str, np.ndarray]:
         """Columns of one row at present, (1,) each, kept or not; {} before there is one.
 
         names: of columns that are looked at; others that are worked out from the row are left out
         """
-        if MachineState not in self._latest:
-            return {}
-        found = {c.name: np.array([c.value(self._latest)]) for c in self.columns}
-        return self._later(found, is_over=False, names=names)
+        return self._later(self._split(self._row()), is_over=False, names=names) if self._is_begun else {}
 
     def arrays(self, *, is_over: bool = True, most: int | None = None) -> dict[str, np.ndarray]:
         """Columns so far, shape (row_count,) each.
@@ -307,17 +354,21 @@ class Tracks:
         for block in self._blocks(is_over=True):
             yield self._later(self._split(block), is_over=True)
 
-    @property
-    def by_column(self) -> Rows:
-        """Columns of a run that is over, each read when it is asked for."""
-        return _ByColumn(self)
-
-    def column(self, name: str) -> np.ndarray:
+    def __getitem__(self, name: str) -> np.ndarray:
         """One column of a run that is over. KeyError where there is none."""
-        index = {c.name: i for i, c in enumerate(self.columns)}[name]
+        index = self._places[name]
         if (later := self.columns[index].later) is not None:
-            return np.asarray(later(self.by_column))
+            return np.asarray(later(self))
         return np.concatenate([np.zeros(0), *(b[:, index].copy() for b in self._blocks(is_over=True))])
+
+    def __contains__(self, name: object) -> bool:  # without reading the column
+        return name in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self.columns)
 
     @property
     def row_count(self) -> int:
@@ -334,7 +385,7 @@ class Tracks:
             yield np.frombuffer(self._stored.read(at, size)).reshape(-1, len(self.columns))
 
     def _split(self, table: np.ndarray) -> dict[str, np.ndarray]:
-        return dict(zip((c.name for c in self.columns), np.ascontiguousarray(table.T), strict=True))
+        return dict(zip(self, np.ascontiguousarray(table.T), strict=True))
 
     def _later(
         self, found: dict[str, np.ndarray], *, is_over: bool, names: Container[str] | None = None
@@ -346,88 +397,27 @@ class Tracks:
         }
 
     def _finish_row(self) -> None:
-        latest = self._latest
-        if self._is_open and MachineState in latest:
-            self._other_values.extend([self.columns[i].value(latest) for i in self._others])
-            for key in self._changed & self._sources.keys():
-                self._sources[key].take(self._count, latest.held(key))
-            self._changed.clear()
-            self._count += 1
+        if self._is_open and self._is_begun:
+            self._add(self._row())
             self._is_open = False
-            if self._count * len(self.columns) >= STORED:
-                self._store()
+
+    def _add(self, rows: np.ndarray) -> None:
+        self._rows.append(rows)
+        self._count += len(rows)
+        if self._count * len(self.columns) >= STORED:
+            self._store()
 
     def _store(self) -> None:
         """Put the newest rows to those before."""
-        if not self._count:
-            return
-        table = np.empty((self._count, len(self.columns)))
-        table[:, self._others] = np.frombuffer(self._other_values).reshape(self._count, -1)
-        for source in self._sources.values():
-            table[:, source.places] = source.rows(self._count)
-        self._stored.append(table.tobytes())
-        self._other_values, self._count = array("d"), 0
+        if self._count:
+            self._stored.append(np.concatenate(self._rows).tobytes())
+        self._rows, self._count = [], 0
 
 
-class _Source:
-    """Numbers of the samples of which columns are made, kept where a row has another sample than that before.
-
-    key: of the newest samples; places: of its columns among all
-    """
-
-    def __init__(self, key: Any, columns: Sequence[Column]) -> None:
-        self.places = [i for i, column in enumerate(columns) if column.field and column.source == key]
-        own = [columns[i] for i in self.places]
-        self._numbers = [column.number for column in own]
-        self._is_plain = all(number is float for number in self._numbers)
-        self._flows = [i for i, column in enumerate(own) if column.over]
-        self._fields = *(column.field for column in own), next((c.over for c in own if c.over), "t")
-        self._of_sample = attrgetter(*self._fields)
-        self._begins, self._values = [0], array("d", [NAN] * len(self._fields))
-
-    def take(self, row: int, held: Any) -> None:
-        """Another sample, from a row on: itself, or the block that it is in and its place there."""
-        block, k = held if isinstance(held, tuple) else (None, 0)
-        found: Sequence[Any]
-        if block is not None and block.is_even and self._is_plain:
-            found = [block[name][k] for name in self._fields]
-        else:
-            found = self._of_sample(held if block is None else block.sample(k))
-        if not self._is_plain:
-            found = [*(n(v) for n, v in zip(self._numbers, found, strict=False)), found[-1]]
-        self._begins.append(row)
-        self._values.extend(found)
-
-    def rows(self, count: int) -> np.ndarray:
-        """The columns in so many rows, (count, columns), which are then forgotten."""
-        values = np.array(self._values).reshape(len(self._begins), -1)
-        last = self._values[-len(self._fields) :]
-        if self._flows:
-            step = values[:, -1:]
-            flows = np.full((len(values), len(self._flows)), NAN)
-            with np.errstate(all="ignore"):
-                np.divide(values[:, self._flows], step, out=flows, where=step > 0.0)
-            values[:, self._flows] = flows
-        found = np.repeat(values[:, :-1], np.diff(self._begins, append=count), axis=0)
-        self._begins, self._values = [0], last
-        return found
-
-
-@dataclass(frozen=True)
-class _ByColumn(Mapping[str, np.ndarray]):
-    tracks: Tracks
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        return self.tracks.column(name)
-
-    def __contains__(self, name: object) -> bool:
-        return any(name == own for own in self)
-
-    def __iter__(self) -> Iterator[str]:
-        return (c.name for c in self.tracks.columns)
-
-    def __len__(self) -> int:
-        return len(self.tracks.columns)
+def _over(values: Any, step: Any) -> np.ndarray:
+    """Amounts of steps over their lengths, nan where that is 0."""
+    found: np.ndarray = np.divide(values, step, out=np.full(len(step), NAN), where=step > 0.0)
+    return found
 
 
 def write_tracks(path: Path, tracks: list[Tracks]) -> None:

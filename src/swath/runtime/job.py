@@ -330,18 +330,12 @@ class Running:
                 )
             )
             self._begun.append(hook)
+        self.world.before_asking.append(self.recorder.write_waiting)
         if self.pacer is not None:
-            self._defer(self.pacer)
+            self.recorder.defer()
+            self.pacer.deferred = self.recorder.write_next
         if events:
             self.world.graph.before_tick.append(Script(self.changes, events[self._done :]))
-
-    def _defer(self, pacer: Pacer) -> None:
-        """Recording, messages and digest are work of the time between ticks."""
-        recorder, digest = self.recorder, self.digest
-        recorder.defer()
-        digest.defer()
-        pacer.deferred = lambda: recorder.write_next() or digest.take_next()
-        self.world.before_asking.append(recorder.write_waiting)
 
     def finish(self, *, incomplete: bool) -> dict[str, Any]:
         """Judge, write summary.json, let the hooks that have begun finish; returns the summary.
@@ -370,7 +364,7 @@ class Running:
                 **_grid(world),
             },
             self.evaluation,
-            {n: t.by_column for n, t in self.recorder.tracks.items()} if self.has_tracks else {},
+            dict(self.recorder.tracks) if self.has_tracks else {},
             sensors={name: machine.coverage() for name, machine in world.machines.items()},
             simulated_s=world.graph.t / NS,
             wall_s=wall_s,

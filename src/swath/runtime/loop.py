@@ -87,8 +87,10 @@ def advance(
 ) -> Iterator[list[int]]:
     """Step worlds to a time [ns]; gives those that end, as they do (`Lockstep.advance`)."""
     goal = _arrival(worlds)
-    beat = BEAT if len(worlds) == 1 else LONG_BEAT
+    longest = BEAT if len(worlds) == 1 else LONG_BEAT
     while lockstep.t < until and lockstep.going:
+        observers = (observer for world in worlds for observer in world.graph.observers)
+        beat = min([longest, *(getattr(observer, "beat", longest) for observer in observers)])
         look = (lockstep.t // beat + 1) * beat
         looks = len(worlds) == 1 or look <= until
         yield from lockstep.advance(min(look, until), goal, looks=looks)

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Le
 
-from swath.core import portable
-from swath.core.frames import Pose, rotation_matrices, wrap_angle
+from swath.core.frames import Pose, angles_of, rotation_matrices, wrap_angle
 from swath.core.units import DEG
 from swath.signals import F64, MachineState
 from swath.signals.setup import MachineGeometry
@@ -73,16 +72,8 @@ def poses_at(states: Sequence[MachineState], times: F64) -> tuple[F64, F64]:
     """
     t = np.array([s.t for s in states], dtype=float)
     position = np.array([s.pose.position for s in states])
-    angle = _euler(np.array([s.pose.rotation for s in states]))
+    angle = angles_of(np.array([s.pose.rotation for s in states]))
     angle = angle[0] + np.cumsum(np.vstack([np.zeros(3), wrap_angle(np.diff(angle, axis=0))]), axis=0)
     at = np.stack([np.interp(times, t, position[:, k]) for k in range(3)], axis=1)
     roll, pitch, yaw = (np.interp(times, t, angle[:, k]) for k in range(3))
     return at, rotation_matrices(roll, pitch, yaw)
-
-
-def _euler(rotation: F64) -> F64:
-    """(roll, pitch, yaw) [rad] of rotations (n, 3, 3), shape (n, 3), as `Pose.euler`."""
-    pitch = -portable.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
-    roll = portable.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])
-    yaw = portable.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-    return np.stack([roll, pitch, yaw], axis=1)

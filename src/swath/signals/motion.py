@@ -1,6 +1,5 @@
 """How a machine moves: the truth, and where its steered axle stands."""
 
-from collections.abc import Callable
 from typing import Annotated
 
 from swath.core.frames import Pose
@@ -8,22 +7,13 @@ from swath.core.frozen import frozen
 from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
 from swath.signals.ranges import DIMENSIONLESS, FORCE, MEASURED_SPEED, PLACE, RATE, SPEED, STEEP, WAY
 
-
-def _position(axis: int) -> Callable[[Pose], float]:
-    return lambda pose: pose.numbers[0][axis]
-
-
-def _angle(axis: int) -> Callable[[Pose], float]:
-    return lambda pose: pose.euler()[axis]
-
-
 _POSE = (
-    TrackColumn("x_m", "m", "east of the fixed axle's centre", _position(0)),
-    TrackColumn("y_m", "m", "north of it", _position(1)),
-    TrackColumn("z_m", "m", "height of it", _position(2)),
-    TrackColumn("roll_rad", "rad", "> 0 left side up", _angle(0)),
-    TrackColumn("pitch_rad", "rad", "> 0 nose down", _angle(1)),
-    TrackColumn("yaw_rad", "rad", "from east, > 0 left", _angle(2)),
+    TrackColumn("x_m", "m", "east of the fixed axle's centre", part="x"),
+    TrackColumn("y_m", "m", "north of it", part="y"),
+    TrackColumn("z_m", "m", "height of it", part="z"),
+    TrackColumn("roll_rad", "rad", "> 0 left side up", part="roll"),
+    TrackColumn("pitch_rad", "rad", "> 0 nose down", part="pitch"),
+    TrackColumn("yaw_rad", "rad", "from east, > 0 left", part="yaw"),
 )
 _STATE = (
     Message("nav_msgs/Odometry", frame="`map` -> `machine/base_link`"),

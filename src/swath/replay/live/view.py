@@ -26,6 +26,7 @@ from swath.core.schedule import NS
 from swath.judge.evaluation import Evaluation, incident
 from swath.judge.evaluators.edge_detection import EdgeDetection
 from swath.record.charts import CHARTS
+from swath.record.recorder import Recorder
 from swath.record.tracks import SHOWN_ROWS, Tracks
 from swath.replay.live.data import COLUMNS, ECHO_UNIT, live_data, starting_rows
 from swath.replay.machines import derived, thinned
@@ -45,16 +46,14 @@ STRAW, STRAW_S = "straw_kg", 0.2  # on the ground so far; time between two looks
 
 
 class Frames:
-    """Makes the frames of one run. tracks: of its recorder, by machine; origin: places count from it [m].
+    """Makes the frames of one run. recorder: of its tracks; origin: places count from it [m].
 
     straw: per machine times [s] and mass on the ground [kg], as `note` has found them
     """
 
-    def __init__(
-        self, world: World, tracks: Mapping[str, Tracks], origin: F64, evaluation: Evaluation
-    ) -> None:
+    def __init__(self, world: World, recorder: Recorder, origin: F64, evaluation: Evaluation) -> None:
         self.world = world
-        self.origin, self._tracks = origin, tracks
+        self.origin, self._recorder = origin, recorder
         self._detections = {
             name: found
             for name, machine in world.machines.items()
@@ -62,7 +61,7 @@ class Frames:
         }
         self.straw: dict[str, list[tuple[float, float]]] = {name: [] for name in world.machines}
         self.columns = {
-            n: _shown(tracks[n], has_edge=n in self._detections, cuts=machine.cuts)
+            n: _shown(recorder.tracks[n], has_edge=n in self._detections, cuts=machine.cuts)
             for n, machine in world.machines.items()
         }
         self._shift = {name: _shift(columns, origin) for name, columns in self.columns.items()}
@@ -89,7 +88,7 @@ class Frames:
         """All rows so far, thinned as in a replay."""
         tables = []
         for name in self.columns:
-            own = self._tracks[name].arrays(is_over=False, most=SHOWN_ROWS)
+            own = self._recorder.tracks[name].arrays(is_over=False, most=SHOWN_ROWS)
             tables.append(self._rows(name, self._completed(name, thinned(own)) if len(own["t_s"]) else {}))
         return _packed({"history": [list(table.shape) for table in tables]}, *(t.tobytes() for t in tables))
 
@@ -102,7 +101,7 @@ class Frames:
 
     def _newest(self, name: str) -> dict[str, Any]:
         """One row of a machine, with the true edge where it is known for the edge of that row."""
-        row: dict[str, Any] = dict(self._tracks[name].newest(self.columns[name]))
+        row: dict[str, Any] = dict(self._recorder.tracks[name].newest(self.columns[name]))
         if row:
             detection, straw, true = self._detections.get(name), self.straw[name], np.nan
             if detection is not None and detection.newest_t / NS == row["edge_t_s"][0]:
@@ -213,7 +212,7 @@ class LiveView(RunHook):
         before, self._run, self._frames, self._shown = self._frames, run, None, -1
         self._control.join(run)
         if run.start is not None and before is not None:  # the same field and way ahead: the page stays
-            self._frames = Frames(run.world, run.recorder.tracks, before.origin, run.evaluation)
+            self._frames = Frames(run.world, run.recorder, before.origin, run.evaluation)
             for name, straw in before.straw.items():
                 self._frames.straw[name] = [s for s in straw if s[0] <= run.world.graph.t / NS]
             self._tell({"again": True})
@@ -262,7 +261,7 @@ class LiveView(RunHook):
 
     def _begin_page(self, run: ActiveRun) -> None:
         origin = origin_of(starting_rows(run.world))
-        self._frames = Frames(run.world, run.recorder.tracks, origin, run.evaluation)
+        self._frames = Frames(run.world, run.recorder, origin, run.evaluation)
         values, arrays = live_data(run.world, self._frames.columns, origin)
         page = render(f"{values['name']} (live)", packed(values, arrays), more=("live",))
         self._page = page.encode()
