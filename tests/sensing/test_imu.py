@@ -7,7 +7,7 @@ from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.record.digest import sample_bytes
 from swath.sensing.imu.error import PRESETS, UNITS, Axis, ErrorImu, Params
-from swath.sensing.imu.strapdown import GRAVITY, Place, rotation_vector, turned
+from swath.sensing.imu.strapdown import GRAVITY, Place
 from tests.sensing.driven_states import circle, column, feed, setup_of, standing, state, straight
 
 IdealImu, IdealParams = PRESETS["ideal"].component, PRESETS["ideal"].params
@@ -43,6 +43,14 @@ def forces(samples):
 
 def bits(samples):
     return [sample_bytes("combine.imu", "inertial", s.t, s) for s in samples]
+
+
+def turned_by(vector):
+    """Rotation about an axis by its length [rad] (Rodrigues)."""
+    x, y, z = vector
+    across, angle = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), np.linalg.norm(vector)
+    half = 0.5 * np.sinc(0.5 * angle / np.pi)
+    return np.eye(3) + np.sinc(angle / np.pi) * across + 2.0 * half**2 * across @ across
 
 
 def test_at_rest_on_a_slope_it_feels_gravity_only():
@@ -105,11 +113,13 @@ def test_a_mean_over_a_period_damps_what_is_fast():
         assert seen == pytest.approx(min(f, 100.0 - f), abs=0.4)
 
 
-def test_rotation_vectors_of_large_and_tiny_turns():
-    for vector in ([0.3, -1.2, 2.0], [1e-9, 0.0, 2e-9], [0.0, 0.0, 0.0], [0.0, 3.0, 0.0]):
-        axes = np.array([turned(tuple(vector), tuple(axis)) for axis in np.eye(3)]).T
-        np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-14)
-        np.testing.assert_allclose(rotation_vector(np.eye(3), axes), vector, atol=1e-12)
+@pytest.mark.parametrize("vector", [[0.3, -1.2, 2.0], [1e-9, 0.0, 2e-9], [0.0, 0.0, 0.0], [0.0, 3.0, 0.0]])
+def test_large_and_tiny_turns_from_one_state_to_the_next(vector):
+    place, sensor = np.zeros(3), ideal()
+    for k, turn in enumerate((np.eye(3), turned_by(np.array(vector)))):
+        there = state(lambda _, turn=turn: Pose(place, turn), k * STEP)
+        sample = sensor.step(k * STEP, STEP, {"state": (there,)})["inertial"]
+    np.testing.assert_allclose(rates([sample])[0] * PERIOD, vector, atol=1e-12)
 
 
 def test_without_errors_it_equals_ideal():
@@ -203,28 +213,32 @@ def test_a_unit_put_in_while_driving_starts_at_rest():
     ].force_x == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("count", [1, 5])
-def test_the_compiled_step_is_that_in_python_to_the_last_bit(count):
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_rates_and_forces_lead_along_drawn_motions_however_many_states_come_in_a_step(count):
+    """Rates turn the attitude on to that of the newest state. Forces, in the attitude half way between two
+    differences of places (its turn is even), lead from one of them to the next.
+    """
     rng = np.random.default_rng(count)
     place = Place(x_m=1.3, y_m=-0.4, z_m=2.1, roll_deg=3.0, pitch_deg=-7.0, yaw_deg=20.0)
-    compiled, python = (error(4, mount=place, unit="bmi088") for _ in range(2))
-    python.alone.walks = False  # as with a machine that shakes
-    pose, t, made = Pose.from_euler((3.0, 4.0, 1.0), 0.05, -0.02, 1.0), 0, ([], [])
-    for step in range(300):
-        states = []
-        for _ in range(count):
-            t += STEP // count
+    sensor, mount = ideal(place), place.pose()
+    pose, begin = Pose.from_euler((3.0, 4.0, 1.0), 0.05, -0.02, 1.0), 0
+    sensor.step(-STEP, STEP, {"state": (state(lambda _: pose, 0),)})
+    known, velocity = [(0, pose)], None
+    for step in range(100):
+        first = known[-1][1]
+        for k in range(count):
             turn = rng.normal(0.0, 0.02, 3) if step > 20 else np.zeros(3)  # at first it goes straight
             pose = pose @ Pose.from_euler(rng.normal(0.0, 0.02, 3), *turn)
-            states.append(state(lambda _, there=pose: there, t))
-        for sensor, samples in zip((compiled, python), made, strict=True):
-            given = {"state": tuple(states)}
-            samples.append(sensor.step(step * STEP, STEP, given)["inertial"])
-        if step == 100:  # each goes on from what the other saved
-            saved = compiled.save(), python.save()
-            python.load(saved[0]), compiled.load(saved[1])
-    assert (compiled.alone._memory[0, 0], python.alone._memory[0, 0]) == (
-        min(count, 2),
-        0.0,
-    )  # who made the last
-    assert bits(made[0]) == bits(made[1])
+            known.append((begin + (k + 1) * STEP // count, pose))
+        states = tuple(state(lambda _, there=there: there, t) for t, there in known[-count:])
+        sample = sensor.step(begin, STEP, {"state": states})["inertial"]
+        rate, force = (mount.rotation @ seen([sample])[0] for seen in (rates, forces))
+        turned = first.rotation @ turned_by(rate * PERIOD)
+        np.testing.assert_allclose(turned, pose.rotation, atol=1e-12)
+        (s, before), (e, after) = [(t / 1e9, there.point(*mount.position)) for t, there in known[-2:]]
+        now = 0.5 * (s + e), (np.array(after) - before) / (e - s)
+        if velocity is not None:
+            half = 0.5 * (velocity[0] + now[0]) - begin / 1e9
+            felt = first.rotation @ turned_by(rate * half) @ force - [0.0, 0.0, GRAVITY]
+            np.testing.assert_allclose(velocity[1] + felt * (now[0] - velocity[0]), now[1], atol=1e-10)
+        velocity, begin = now, begin + STEP

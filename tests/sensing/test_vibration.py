@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swath.core.random import Stream
-from swath.sensing.imu.error import AXES, ErrorImu, Params, Shaking, Vibration
+from swath.sensing.imu.error import AXES, ErrorImu, Params, Vibration
 from swath.sensing.imu.strapdown import Place
 from swath.signals import EngineState
 from tests.sensing.driven_states import setup_of, standing, state
@@ -25,10 +25,16 @@ def turning(share):
     return EngineState(0, speed_ratio=share, **dict.fromkeys(rest, 0.0))
 
 
-def shaken(share, seconds=20.0):
-    """(n, 6) rates and forces, 100 a second, of a unit with the axes of the machine."""
+def make():
+    """A unit with the axes of the machine."""
     unit = ErrorImu(Params(mount=Place(), vibration=Vibration(), **QUIET), setup_of(period=0.01))
     unit.reset(Stream(1, "combine.imu"))
+    return unit
+
+
+def shaken(share, seconds=20.0, unit=None):
+    """(n, 6) rates and forces, 100 a second, of a machine that stands."""
+    unit = unit or make()
     engine = turning(share)
     rows = []
     for i in range(round(seconds * 100)):
@@ -68,11 +74,17 @@ def test_the_sum_lies_within_what_machines_are_said_to_have():
 
 
 def test_phases_are_saved():
-    one = Shaking(Vibration())
-    one.reset([0.1, 0.2, 0.3])
-    one.take(0.013, 1.0)
+    one, other = make(), make()
+    shaken(1.0, 0.13, one)
     kept = one.save()
-    first = one.take(0.01, 1.0)
-    other = Shaking(Vibration())
+    first = shaken(0.9, 0.1, one)
+    assert np.abs(shaken(0.9, 0.1, other) - first).max() > 0.1
     other.load(kept)
-    assert other.take(0.01, 1.0) == first
+    assert (shaken(0.9, 0.1, other) == first).all()
+
+
+def test_without_an_engine_it_shakes_as_at_rated_speed():
+    one, other = make(), make()
+    states = {"state": (state(standing(), STEP),)}
+    with_engine = one.step(0, STEP, {**states, "engine": turning(1.0)})["inertial"]
+    assert other.step(0, STEP, states)["inertial"] == with_engine

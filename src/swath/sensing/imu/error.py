@@ -10,25 +10,25 @@ estimates within 0.5 to 2 m/s2 RMS at 2 to 30 Hz.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import cos, pi, sqrt
-from typing import Annotated, Any, ClassVar, Literal
+from math import pi, sqrt
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
-from swath.core.component import KeepsState, Port, State
+from swath.core.component import Port
+from swath.core.portable import product
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import Given, InWorlds, Samples, in_world
+from swath.core.together import InWorlds, KeepsRows, Samples, plain
 from swath.core.units import DEG, HOUR, PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, repeatable, shared
+from swath.kernels import Repeated
 from swath.sensing import CHECKED
-from swath.sensing.imu.imu_step import DRAW, READING, SIZE, ImuStep
-from swath.sensing.imu.strapdown import Place, Reading, back
+from swath.sensing.imu.strapdown import GRAVITY, Place
 from swath.sensing.normals import AllNormals
 from swath.signals import F64, EngineState, Inertial, MachineState
 
@@ -40,7 +40,14 @@ AXES = {
     "drum": ((0.6, 0.0, 0.8), (0.0, 1.0, 0.0)),
     "sieves": ((0.8, 0.0, 0.6), (0.0, 1.0, 0.0)),
 }
-LINES = tuple(AXES)
+# A unit as imu_step.cpp has it. last: time [ns], place [m] and rotation of a state; velocity: its time [s],
+# then it; both nan where there was none yet; reading: without errors; period: of samples [ns]; draw: of
+# white noise, then of the bias
+SIZES = {
+    "last": 13, "velocity": 4, "reading": 6, "bias": 6, "scale": 6, "walk": 6, "density": 6,
+    "phases": 3, "arm": (), "period": (), "lines": (3, 8), "mounting": 12, "draw": 12,
+}  # fmt: skip
+UNIT = np.dtype([(name, np.float64, size) for name, size in SIZES.items()])
 
 
 @dataclass(frozen=True)
@@ -63,40 +70,6 @@ class Vibration:
     drum_hz: Rate = 9.2
     sieves_hz: Rate = 4.5
     arm_m: Annotated[float, Gt(0), Le(100)] = 3.0
-
-
-class Shaking(KeepsState):
-    """Three lines whose phases run on with the engine."""
-
-    kept = ("_phases",)
-
-    def __init__(self, v: Vibration) -> None:
-        self._v = v
-        self._lines = [(name, getattr(v, f"{name}_m_s2"), getattr(v, f"{name}_hz")) for name in LINES]
-        self._phases = [0.0] * len(LINES)
-
-    def reset(self, draws: list[float]) -> None:
-        """draws: uniform numbers of [0, 1), one for each line's phase."""
-        self._phases = [2.0 * pi * d for d in draws]
-
-    def take(self, seconds: float, share: float) -> Reading:
-        """(rate [rad/s], force [m/s2]) of the machine's axes, the mean over so many seconds.
-
-        share: engine speed over rated speed
-        """
-        rate, force = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-        for i, (name, size, frequency) in enumerate(self._lines):
-            turn = 2.0 * pi * frequency * share * seconds
-            begin = self._phases[i]
-            self._phases[i] = (begin + turn) % (2.0 * pi)
-            if turn <= 0.0:
-                continue
-            mean = size * share**2 * sqrt(2.0) * (cos(begin) - cos(begin + turn)) / turn
-            about = mean / (2.0 * pi * frequency * share * self._v.arm_m)
-            for axis in range(3):
-                force[axis] += AXES[name][0][axis] * mean
-                rate[axis] += AXES[name][1][axis] * about
-        return (rate[0], rate[1], rate[2]), (force[0], force[1], force[2])
 
 
 STANDARD_GRAVITY = 9.80665  # of the unit g in data sheets [m/s2]
@@ -208,147 +181,62 @@ class ErrorImu(InWorlds):
         return Units(parts)
 
 
-class UnitStep(KeepsState):
-    """The unit of one world, and its step in Python. memory: (SIZE,) of `ImuStep`."""
-
-    kept = ("_bias", "_motion", "_shaking")
-
-    def __init__(self, part: ErrorImu, memory: F64) -> None:
-        vibration = part.params.vibration
-        self._part, self._motion = part, ImuStep(part.mounting, memory)
-        self._shaking = None if vibration is None else Shaking(vibration)
-        self._turn = part.mounting.rotation.tolist()
-        self.spread(round(part.setup.period * NS))
-
-    def reset(self, stream: Stream) -> list[float]:
-        """At rest, level; draws bias and scale of this unit. Its first sample."""
-        part, draw = self._part, stream.at(0).standard_normal(12).tolist()
-        self._bias = [sd * d for sd, d in zip(part.bias_sd, draw[:6], strict=True)]
-        self._motion.scale[:] = [1.0 + sd * d for sd, d in zip(part.scale_sd, draw[6:], strict=True)]
-        if self._shaking is not None:
-            self._shaking.reset(stream.child("vibration").at(0).random(3).tolist())
-        return self._read(self._motion.reset(part.setup.start), [0.0] * 6)
-
-    def step(self, dt: int, states: Sequence[MachineState], engine: EngineState | None) -> list[float]:
-        """The sample of a step of dt [ns], with the normal numbers that lie in the memory."""
-        motion = self._motion
-        draw = motion.draw.tolist()
-        walk = zip(self._bias, motion.steps.tolist(), draw[6:], strict=True)
-        self._bias = [bias + step * d for bias, step, d in walk]
-        truth = motion.take(states)
-        if self._shaking is not None:
-            truth = self._shaken(self._shaking, truth, dt / NS, engine)
-        return self._read(truth, draw[:6])
-
-    def spread(self, dt: int) -> None:
-        """Standard deviations of what is drawn for a step of dt [ns]."""
-        root = sqrt(dt / NS)
-        self._motion.steps[:] = [walk * root for walk in self._part.walk]
-        self._motion.white[:] = [density / root for density in self._part.density]
-
-    @property
-    def _bias(self) -> list[float]:
-        bias: list[float] = self._motion.bias.tolist()
-        return bias
-
-    @_bias.setter
-    def _bias(self, values: Sequence[float]) -> None:
-        self._motion.bias[:] = values
-
-    def _shaken(self, by: Shaking, truth: Reading, seconds: float, engine: EngineState | None) -> Reading:
-        """The reading and what shakes the machine, in the axes of the unit."""
-        more = by.take(seconds, 1.0 if engine is None else engine.speed_ratio)
-        return tuple(
-            tuple(a + b for a, b in zip(own, back(self._turn, extra), strict=True))
-            for own, extra in zip(truth, more, strict=True)
-        )  # type: ignore[return-value]
-
-    def _read(self, truth: Reading, draw: Sequence[float]) -> list[float]:
-        """draw: normal numbers of the white noise."""
-        kept = self._motion.scale.tolist(), self._bias, self._motion.white.tolist()
-        wrong = zip((*truth[0], *truth[1]), *kept, draw, strict=True)
-        return [v * scale + bias + sd * d for v, scale, bias, sd, d in wrong]
-
-
-class Units(Compiled):
+class Units(KeepsRows, Compiled):
     """The units of many worlds."""
 
+    kept = ("_units",)
     reads: ClassVar = {"engine": EngineState}
     hears: ClassVar = {"state": MachineState}
 
     def __init__(self, parts: Sequence[ErrorImu]) -> None:
         n = len(parts)
         super().__init__(n, {"inertial": row_of(Inertial, n)})
-        self._memory = np.zeros((n, SIZE))
-        self._units = [UnitStep(part, row) for part, row in zip(parts, self._memory, strict=True)]
-        self._dt = round(parts[0].setup.period * NS)
-        self.walks = all(part.params.vibration is None for part in parts)
-        self._normals = AllNormals(self._memory[:, DRAW:READING])
+        self._parts, self._units = parts, np.zeros(n, UNIT)
+        for unit, part in zip(self._units, parts, strict=True):
+            unit["walk"], unit["density"], unit["mounting"] = part.walk, part.density, plain(part.mounting)
+            if (v := part.params.vibration) is not None:
+                unit["arm"] = v.arm_m
+                unit["lines"] = [
+                    (getattr(v, f"{name}_m_s2"), getattr(v, f"{name}_hz"), *force, *rate)
+                    for name, (force, rate) in AXES.items()
+                ]
+        self._normals = AllNormals(self._units["draw"])
         self._table = self.sent["inertial"].memory.view(np.float64).reshape(n, -1)
         self._table[:, 6:] = [part.white_sd for part in parts]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
-        """At rest, level."""
+        """At rest, level; draws bias, scale and phases of the units."""
         self._normals.reset(streams)
-        for world, (unit, stream) in enumerate(zip(self._units, streams, strict=True)):
-            self._table[world, :6] = unit.reset(stream)
+        for unit, part, stream in zip(self._units, self._parts, streams, strict=True):
+            draw = stream.at(0).standard_normal(12)
+            unit["bias"], unit["scale"] = part.bias_sd * draw[:6], 1.0 + part.scale_sd * draw[6:]
+            if part.params.vibration is not None:
+                unit["phases"] = 2.0 * pi * stream.child("vibration").at(0).random(len(AXES))
+            unit["last"] = unit["velocity"] = np.nan
+            unit["period"] = round(part.setup.period * NS)
+            up = part.setup.start.rotation[2] * GRAVITY
+            unit["reading"] = 0.0, 0.0, 0.0, *product(up, part.mounting.rotation)
+        self._table[:, :6] = self._units["reading"] * self._units["scale"] + self._units["bias"]
         return self.sent_at(0)
 
     def launches(self) -> Sequence[Repeated]:
-        """Normal numbers, the states into the memories, the samples."""
-        from swath.sensing.imu.imu_step_kernel import lay_states, sample_each
+        """Normal numbers, then a sample with them."""
+        from swath.sensing.imu.imu_step_kernel import sample_each
 
-        trail, memory = self.heard["state"], shared(self._memory)
-        states = [*map(shared, (trail.head, trail.stamps, trail.memory["pose"])), memory, shared(self.needs)]
+        trail = self.heard["state"]
+        states = trail.head, trail.stamps, trail.memory["pose"]
+        units = self._units.view(np.float64).reshape(self.worlds, -1)
+        share = self.column("engine", "speed_ratio", otherwise=1.0)
         noise = self._normals.launch(self.clock[1:2], self.needs)
-        made = [memory, shared(self._table)]
-        if not self.walks:
-            return [noise]
-        return [
-            noise,
-            repeatable(lay_states, states, threads=self.worlds),
-            repeatable(sample_each, made, threads=self.worlds),
-        ]
-
-    def step(self, t: int, dt: int, inputs: Given) -> Mapping[str, Samples]:
-        """Samples at t + dt."""
-        if abs(dt - self._dt) > 1:  # ns, by which the steps of a rate differ
-            self._dt = dt
-            for unit in self._units:
-                unit.spread(dt)
-        if self.walks:
-            return super().step(t, dt, inputs)
-        self._memory[:, 0] = 0.0
-        found = super().step(t, dt, inputs)
-        self._in_python(dt, inputs["state"], inputs.get("engine"))
-        return found
+        return [noise, self.launch(sample_each, *states, self.clock, share, units, self._table)]
 
     def supply(self, stage: int) -> None:
-        """Numbers that numpy draws; samples that need more than the states."""
-        if stage == 0:
-            self._normals.finish(int(self.clock[1]))
-        else:
-            trail = self.heard["state"]
-            self._in_python(int(self.clock[2]), [trail.at(k) for k in range(trail.count)], None)
-
-    def save(self, world: int) -> State:
-        """Everything that is needed to go on exactly."""
-        found: State = self._units[world].save()
-        return found
-
-    def load(self, world: int, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self._units[world].load(state)
-
-    def _in_python(self, dt: int, states: Sequence[Any], engines: Any) -> None:
-        """Write the samples of worlds whose states the compiled step did not take."""
-        for world in np.flatnonzero(self._memory[:, 0] == 0.0).tolist():
-            own = [in_world(state, world) for state in states]
-            self._table[world, :6] = self._units[world].step(dt, own, in_world(engines, world))
+        """Numbers that numpy draws."""
+        self._normals.finish(int(self.clock[1]))
 
 
-def _six(gyro: float, accel: float) -> list[float]:
-    return [gyro] * 3 + [accel] * 3
+def _six(gyro: float, accel: float) -> F64:
+    return np.repeat([gyro, accel], 3)
 
 
 LEVEL = Level(
