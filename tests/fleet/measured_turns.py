@@ -4,7 +4,7 @@ import csv
 import gzip
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from swath.control.turns.dubins import Place as Pose
 from swath.control.turns.dubins import shortest
 from swath.fleet.machines import PARAMS, Drive, Place, body_of
 from swath.fleet.ways import driven, joined, rolled, straight, times_along
-from swath.machine.loops import approach
+from swath.machine.loops import SpeedLoop
 from swath.machine.machine_sheet import dynamics_of, load_machine
 from tests import shared_data
 from tests.fleet.turn_figures import TurnFigures, measure
@@ -76,7 +76,8 @@ def in_closed_loop(shift, radius, speed, antenna=ANTENNA):
     `steer: preview` takes it on the next pass.
     """
     dynamics, base, ahead = dynamics_of(SHEET), SHEET.wheelbase, SHEET.knife_x
-    late = round(dynamics.steer_dead_time / STEP)
+    late, rate = round(dynamics.steer_dead_time / STEP), dynamics.steer_rate
+    servo = SpeedLoop(replace(dynamics, speed_lag=dynamics.steer_lag, accel=rate, decel=rate, max_speed=9.0))
     queue = deque([0.0] * late)
     preview = max(PREVIEW[0], PREVIEW[1] * speed)
     x, y, heading, angle = -RUN, 0.0, 0.0, 0.0
@@ -91,7 +92,7 @@ def in_closed_loop(shift, radius, speed, antenna=ANTENNA):
             off = min(max(aim - heading - bend, -1.2), 1.2)
             wanted = min(max(math.tan(off) / ahead, -1.0 / radius), 1.0 / radius)
         queue.append(min(max(math.atan(base * wanted), -SHEET.max_steer), SHEET.max_steer))
-        angle, _ = approach(angle, queue.popleft(), STEP, lag=dynamics.steer_lag, limit=dynamics.steer_rate)
+        angle, _ = servo.advance(angle, queue.popleft(), STEP)
         turn = speed * STEP * math.tan(angle) / base
         x += speed * STEP * math.cos(heading + 0.5 * turn)
         y += speed * STEP * math.sin(heading + 0.5 * turn)

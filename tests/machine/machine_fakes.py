@@ -19,19 +19,6 @@ STREAM = Stream(1, "test")
 NODE = 1.0 / 64.0  # of the lattice on which a footprint reads heights [m]
 
 
-class LikeGround(Footprint):
-    """Means without a lattice; kernels read one."""
-
-    def __init__(self, ground, points, *args, groups):
-        super().__init__(points, *args, groups=groups)
-        self.ground, self.at, self.groups = ground, np.asarray(points).T, groups
-
-    def means(self, x, y, yaw):
-        (u, v), c, s = self.at, np.cos(yaw), np.sin(yaw)
-        found = self.ground.ground_height(x + c * u - s * v, y + s * u + c * v)
-        return np.asarray(found, dtype=float).reshape(self.groups, -1).mean(axis=1).tolist()
-
-
 @dataclass
 class Ground:
     """Ground z = height(x, y); records what is done to it. 0.8 kg grain and 0.6 kg straw per m2."""
@@ -47,13 +34,13 @@ class Ground:
     def ground_height(self, x, y):
         return self.height(np.asarray(x), np.asarray(y))
 
-    def footprint(self, points, *, groups=1):
+    def footprint(self, points):
         def around(u, v, reach, turn):
             i, j, count = int(u - reach) - 1, int(v - reach) - 1, int(2.0 * reach) + 4
             x, y = np.meshgrid(NODE * np.arange(i, i + count), NODE * np.arange(j, j + count))
             return i, j, self.ground_height(x, y) + np.zeros(x.shape)
 
-        return LikeGround(self, points, (1.0, 0.0), NODE, around, groups=groups)
+        return Footprint(points, (1.0, 0.0), NODE, around)
 
     def cut(self, polygon, height_m):
         area = signed_area(polygon)

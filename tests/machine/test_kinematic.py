@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
-from swath.machine.loops import approach
 from swath.machine.motion.kinematic import Kinematic, Params
 from swath.signals import SpeedCommand, SteerState
 from tests.machine.machine_fakes import STREAM, Ground, drive, site, slope
@@ -54,20 +53,6 @@ def test_saved_state_goes_on_byte_for_byte():
     second = drive(other, 1.0, **inputs)[-1]
     assert first.pose.position.tobytes() == second.pose.position.tobytes()
     assert (first.speed, first.distance, first.yaw_rate) == (second.speed, second.distance, second.yaw_rate)
-
-
-def test_speed_loop_against_small_steps():
-    value, area, target, lag, limit = 0.3, 0.0, 2.0, 1.0, 0.5
-    count = 400_000
-    h = 5.0 / count
-    v = value
-    for _ in range(count):
-        rate = min(max((target - v) / lag, -limit), limit)
-        area += h * v
-        v += h * rate
-    exact, exact_area = approach(value, target, 5.0, lag=lag, limit=limit)
-    assert exact == pytest.approx(v, abs=1e-5)
-    assert exact_area == pytest.approx(area, abs=1e-4)
 
 
 def test_accelerates_and_brakes_at_the_sheet_limits():

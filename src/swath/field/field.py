@@ -211,12 +211,9 @@ class Field:
         low, high = (a + (b - a) * (u - iu) for a, b in (near, far))
         return np.asarray(low + (high - low) * (v - iv))
 
-    def footprint(self, points: Any, *, groups: int = 1) -> Footprint:
-        """A quick reader of the heights under points (n, 2) [m] of a body that moves through the field.
-
-        groups: equal parts of the points that are also averaged over.
-        """
-        return Footprint(points, self._turn, self.maker.node, self._nodes, groups=groups)
+    def footprint(self, points: Any) -> Footprint:
+        """The ground under points (n, 2) [m] of a body that moves through the field, for kernels."""
+        return Footprint(points, self._turn, self.maker.node, self._nodes)
 
     def cut(self, polygon: Any, height_m: float) -> Cut:
         """Cut the crop within a convex polygon (n, 2) [m] at a height above the ground [m].

@@ -5,14 +5,15 @@ but does not roll the body. A tyre bridges what is shorter than itself: it stand
 over its contact patch, so a wave of length l along the path is damped by sinc(patch_length / l).
 """
 
-from math import atan, atan2, copysign, cos, isfinite
-from typing import NamedTuple
+from math import isfinite
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from swath.core.errors import InputError
-from swath.core.frames import Pose, rotation_rows
+from swath.core.frames import Pose
 from swath.field.field import Field
+from swath.kernels import Row, filled, of_worlds, repeatable
 from swath.machine.machine_sheet import Axle, dynamics_of
 from swath.signals.setup import MachineGeometry
 
@@ -34,13 +35,14 @@ class Stance(NamedTuple):
 
 
 class TerrainFollower:
-    """Reads the ground under four tyres. stance: the last one; footprint: what reads it."""
+    """Reads the ground under four tyres. stance: the last one; footprint: what holds the ground."""
 
     def __init__(self, ground: Field, machine: MachineGeometry) -> None:
-        self.footprint = ground.footprint(_tyre_points(machine), groups=4)
+        self.footprint = ground.footprint(_tyre_points(machine))
         self._wheelbase = -machine.steered_x  # < 0 where the steered axle is ahead
-        self._front_track, self._rear_track = machine.front_track, machine.rear_track
-        self.stance, self._place = Stance(0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        self._tracks = machine.front_track, machine.rear_track
+        self.stance = Stance(0.0, 0.0, 0.0, 0.0, 0.0)
+        self._launch: Any = None
 
     def at(self, x: float, y: float, yaw: float) -> Stance:
         """Stance at a place [m] and heading [rad].
@@ -48,22 +50,43 @@ class TerrainFollower:
         pitch = atan((rear - front) / wheelbase), roll = atan(front slope * cos(pitch)): on a plane the body's
         z axis is then exactly the plane's normal (intrinsic z-y'-x'' angles).
         """
-        if not isfinite(x + y + yaw):
-            raise InputError("place", (x, y, yaw), "expected a finite place and heading")
-        left, right, rear_left, rear_right = self.footprint.means(x, y, yaw)
-        z = 0.5 * (left + right)
-        fall = 0.5 * (rear_left + rear_right) - z
-        pitch = atan2(copysign(1.0, self._wheelbase) * fall, abs(self._wheelbase))
-        front_slope = (left - right) / self._front_track
-        roll = atan(front_slope * cos(pitch))
-        rear_slope = (rear_left - rear_right) / self._rear_track
-        self.stance, self._place = Stance(z, roll, pitch, front_slope, rear_slope), (x, y, yaw)
+        if self._launch is None or not self._stands(x, y, yaw):
+            if not isfinite(x + y + yaw):
+                raise InputError("place", (x, y, yaw), "expected a finite place and heading")
+            self.footprint.take(x, y, yaw)
+            self._compile()
+            self._stands(x, y, yaw)
+        self.stance = Stance(*self._found[4:9])
         return self.stance
 
     def pose(self) -> Pose:
         """pose_world_machine of the last stance."""
-        (x, y, yaw), a = self._place, self.stance
-        return Pose.of_numbers([x, y, a.z], rotation_rows(a.roll, a.pitch, yaw))
+        a = self._found
+        x, y = a[18:20]
+        return Pose.of_numbers([x, y, a[4]], [[*a[9:12]], [*a[12:15]], [*a[15:18]]])
+
+    def ground(self) -> Any:
+        """What kernels know of the ground, as it is in memory now."""
+        from swath.machine.attitude_kernel import Ground
+
+        nodes, first, points, span = self.footprint.arguments()
+        front, rear = self._tracks
+        around = {"nodes": nodes, "first": first, "points": points, "span": span}
+        return filled(Ground, **around, wheelbase=self._wheelbase, front_track=front, rear_track=rear)
+
+    def _stands(self, x: float, y: float, yaw: float) -> bool:
+        """Whether the ground there is in memory."""
+        self._track.write(x, y, yaw, *[0.0] * 5)
+        self._launch()
+        self._found = self._stand.read()
+        return self._found[0] == 1.0
+
+    def _compile(self) -> None:
+        from swath.machine import attitude_kernel as kernel
+
+        self._ground, self._track, self._stand = self.ground(), Row(kernel.Track), Row(kernel.Stand)
+        rows = of_worlds(kernel.Ground, [self._ground]), self._track.array, self._stand.array
+        self._launch = repeatable(kernel.stand_at, [*rows]).launch
 
 
 def _tyre_points(machine: MachineGeometry) -> np.ndarray:

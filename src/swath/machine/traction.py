@@ -1,22 +1,23 @@
 """What the driven wheels pull, how far they slip for it, and what a slope leaves them."""
 
-from dataclasses import dataclass
-from math import cbrt, copysign, cos, expm1, inf, sin, sqrt
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
 
 from swath.core.component import KeepsState
 from swath.core.errors import InputError
-from swath.machine.loops import SpeedLoop
+from swath.kernels import Row, Rows, repeatable, shared
+from swath.machine.loops import loop_of
 from swath.machine.machine_sheet import Dynamics, MachineSheet, dynamics_of
 from swath.machine.tyre import GRAVITY
-from swath.signals import MachineState, WheelState
+from swath.signals import MachineState
 from swath.signals.setup import MachineGeometry
 
 FIRM_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
-LEAST_LOAD = 0.02  # an axle keeps this share of the weight: it does not tip over
 
 
-@dataclass(frozen=True)
-class Traction:
+class Traction(NamedTuple):
     """The driven wheels on a slope: brush tyres along (Pacejka 2012, section 3.2.1) under a drive that holds
     their rim speed, as in `multibody`. Forces are over the weight, `grade` is the rise of the ground ahead
     [m/m], slip is (rim speed - ground speed) / ground speed.
@@ -34,41 +35,19 @@ class Traction:
     level_share: float
     grade_share: float
 
-    def grip(self, grade: float) -> float:
-        """Largest force, over what presses the machine on the ground."""
-        share = self.level_share - self.grade_share * grade
-        return self.friction * min(max(share, LEAST_LOAD), 1.0)
-
-    def slip_of(self, force: float, grip: float) -> float:
-        """Steady slip at a force along the ground: the brush formula turned round, full sliding at most."""
-        free = 1.0 - abs(force) / grip
-        x = 1.0 - cbrt(free) if free > 0.0 else 1.0
-        return copysign(3.0 * self.friction / self.stiffness * x, force)
-
-    def slip_after(self, slip: float, grade: float, way: float) -> float:
-        """The slip on a slope after a way [m]: it lags by the relaxation length (Pacejka 2012, 7.2)."""
-        gone = -expm1(-way / self.relaxation)
-        return slip + (self.slip_of(grade, self.grip(grade)) - slip) * gone
-
-    def given(self, before: float, after: float, grade: float, dt: float) -> float:
-        """The ground speed [m/s] nearest to `after` that the wheels can give on a slope within dt [s]."""
-        level = 1.0 / sqrt(1.0 + grade * grade)
-        most = min(self.grip(grade) * level, self.thrust)
-        low = before + dt * (GRAVITY * (-most - grade * level))
-        high = before + dt * (GRAVITY * (most - grade * level))
-        return min(max(after, low), high)
-
 
 class DrivenWheels(KeepsState):
-    """Forward motion: the loop of the drive turns the rims, the slip on a slope makes the ground speed of it.
-
-    speed: over ground; rim [m/s]; slip
-    """
+    """Forward motion, compiled: see `drive_kernel.rolled`. speed: over ground; rim [m/s]; slip."""
 
     kept = ("speed", "rim", "slip")
 
-    def __init__(self, loop: SpeedLoop) -> None:
-        self._loop = loop
+    def __init__(self, dynamics: Dynamics) -> None:
+        from swath.machine import drive_kernel as kernel
+
+        loops, self._asked = Rows(kernel.Loop, 1, [loop_of(dynamics)]), np.zeros(3)
+        self._traction, self._wheels = Row(kernel.Traction), Row(kernel.Wheels)
+        given = loops.array, self._traction.array, shared(self._asked), self._wheels.array
+        self._roll = repeatable(kernel.roll_wheels, [*given]).launch
         self.reset(0.0)
 
     def reset(self, speed: float) -> None:
@@ -80,23 +59,12 @@ class DrivenWheels(KeepsState):
 
         Returns the speed in the middle of the time [m/s] and the way [m].
         """
-        grade, before, slip = grade_of(pitch), self.speed, self.slip
-        half, _ = self._loop.advance(self.rim, wanted, 0.5 * dt)
-        self.rim, travel = self._loop.advance(self.rim, wanted, dt)
-        self.slip = traction.slip_after(slip, grade, abs(before) * dt)
-        mean = 1.0 + 0.5 * (slip + self.slip)
-        free = self.rim / (1.0 + self.slip)
-        self.speed = traction.given(before, free, grade, dt)
-        if self.speed == free:
-            return half / mean, travel / mean
-        self.rim = self.speed * (1.0 + self.slip)
-        middle = 0.5 * (before + self.speed)
-        return middle, middle * dt
-
-
-def grade_of(pitch: float) -> float:
-    """Rise of the ground ahead [m/m] under a machine that is nose down by `pitch` [rad]."""
-    return -sin(pitch) / cos(pitch)
+        self._wheels.write(self.speed, self.rim, self.slip, 0.0, 0.0)
+        self._traction.write(*traction, 0.0)
+        self._asked[:] = wanted, dt, pitch
+        self._roll()
+        self.speed, self.rim, self.slip, middle, way = self._wheels.read()
+        return middle, way
 
 
 def traction_of(machine: MachineGeometry, dynamics: Dynamics | None = None, towed: float = 0.0) -> Traction:
@@ -136,9 +104,3 @@ def check_wheel_slip(machine: MachineGeometry) -> None:
     """InputError for a sheet without the section `bodies`."""
     if not isinstance(machine, MachineSheet) or machine.masses is None:
         raise InputError("wheel_slip", True, "expected a machine whose data sheet has the section bodies")
-
-
-def wheels_of(t: int, speed: float, force: float, load: float, traction: Traction) -> WheelState:
-    """The driven wheels. force: of all of them, load: on them [N]."""
-    slip = traction.slip_of(force / max(load, 1.0), traction.friction)
-    return WheelState(t, speed * (1.0 + slip), slip, force, load)

@@ -18,6 +18,7 @@ from swath.core.units import DEG_PER_G
 GRAVITY = 9.81  # [m/s2]
 CREEP_SPEED = 0.5  # below this the carcass damps (Pacejka 2012, section 8.6, there 2.5 m/s) [m/s]
 ROLLING_SPEED = 0.1  # rolling resistance grows to its full value up to this speed [m/s]
+LEAST_LOAD = 0.02  # an axle keeps this share of the weight: it does not tip over
 MOST_COMPLIANT = 0.02  # compliance of the stiffest axle: stiffness over load 50 [rad]
 CREEP_DAMPING = 0.5  # damping ratio of the lateral carcass spring at standstill (estimate)
 

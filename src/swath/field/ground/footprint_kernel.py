@@ -1,4 +1,4 @@
-"""Mean heights under groups of points, compiled: the same sums in the same order as `Footprint.heights`."""
+"""Mean heights under groups of points, compiled."""
 
 import warp as wp
 
@@ -58,7 +58,7 @@ def mean_height(
     group: int,
     groups: int,
 ) -> wp.float64:
-    """Mean height under one of the equal groups of points [m]."""
+    """Mean height under one of the equal groups of points [m]; points: (2, n) in the body's frame [nodes]."""
     count = points.shape[1] / groups
     total = wp.float64(0.0)
     for k in range(group * count, (group + 1) * count):
@@ -72,16 +72,3 @@ def mean_height(
         else:
             total = total + height
     return total / wp.float64(count)
-
-
-@wp.kernel
-def mean_heights(
-    nodes: wp.array2d(dtype=wp.float64),
-    first: wp.array(dtype=int),
-    points: wp.array2d(dtype=wp.float64),
-    place: wp.array(dtype=Place),
-    means: wp.array(dtype=wp.float64),
-):
-    """points: (2, n) in the body's frame [nodes]; means: of as many equal groups of them [m]."""
-    for group in range(means.shape[0]):
-        means[group] = mean_height(nodes, first, points, place[0], group, means.shape[0])

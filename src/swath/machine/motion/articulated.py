@@ -19,7 +19,7 @@ from swath.core.schedule import NS
 from swath.core.units import KMH, MS
 from swath.field.site_setup import SiteSetup
 from swath.machine.attitude import TerrainFollower
-from swath.machine.loops import SpeedLoop, within_drive
+from swath.machine.loops import within_drive
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.motion import FIRM, TESTS
 from swath.machine.towing import DRIVEN, ports_of, refuse_reverse, towed_by
@@ -76,7 +76,7 @@ class Articulated(KeepsState):
         self._params, self._start, self._towed = params, setup.start, towed
         self._d, self._machine = dynamics_of(setup.machine), setup.machine
         self._follower = TerrainFollower(setup.field, setup.machine)
-        self._wheels = DrivenWheels(SpeedLoop(self._d))
+        self._wheels = DrivenWheels(self._d)
         self._cg = self._d.cg_behind  # ahead of the fixed axle: the steered one is ahead
         self._stiffness = axle_stiffness(self._d.stiffness, self._d.understeer, steers_ahead=True)
         self._to_pin = self._cg - towed.sheet.hitch_x

@@ -21,11 +21,12 @@ from swath.core.units import KMH
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, filled, of_worlds, repeatable, shared
 from swath.machine.attitude import TerrainFollower
+from swath.machine.loops import loop_of
 from swath.machine.machine_sheet import dynamics_of
 from swath.machine.motion import CHECKED, FIRM
 from swath.machine.motion.on_ground import OnGround
 from swath.machine.towing import DRIVEN, ports_of, towed_by
-from swath.machine.traction import Traction, across_of, traction_of
+from swath.machine.traction import across_of, traction_of
 from swath.signals import HeapState
 from swath.signals.setup import MachineGeometry
 
@@ -85,37 +86,15 @@ class Vehicles(OnGround):
 
 def _vehicle(kernel: Any, machine: MachineGeometry) -> Any:
     d = dynamics_of(machine)
-    loop = filled(
-        kernel.Loop,
-        lag=d.speed_lag,
-        accel=d.accel,
-        decel=d.decel,
-        fastest=d.max_speed,
-        wheelbase=-machine.steered_x,
-        front_track=machine.front_track,
-        rear_track=machine.rear_track,
-        sense=1.0,
-    )
-    along, across = (filled(kernel.Car, **_wheels(of(machine))) for of in (traction_of, across_of))
+    along, across = (filled(kernel.Traction, **of(machine)._asdict()) for of in (traction_of, across_of))
     return filled(
         kernel.Vehicle,
         along=along,
         across=across,
-        loop=loop,
+        loop=filled(kernel.Loop, **loop_of(d)._asdict()),
         wheelbase=machine.wheelbase,
         rear_share=d.cg_behind / abs(machine.wheelbase),
     )
-
-
-def _wheels(of: Traction) -> dict[str, float]:
-    return {
-        "along_stiffness": of.stiffness,
-        "along_friction": of.friction,
-        "along_relaxation": of.relaxation,
-        "thrust": of.thrust,
-        "level_share": of.level_share,
-        "grade_share": of.grade_share,
-    }
 
 
 LEVEL = Level(

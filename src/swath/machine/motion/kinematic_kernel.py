@@ -5,19 +5,8 @@ from pathlib import Path
 import warp as wp
 
 from swath.kernels import exact_code
-from swath.machine.motion.single_track_kernel import HALF, ONE, Car, Track
-from swath.machine.motion.single_track_step_kernel import (
-    Ground,
-    Loop,
-    Stand,
-    driven,
-    expm1,
-    given,
-    slipped,
-    stood,
-    tell,
-    turned,
-)
+from swath.machine.attitude_kernel import Ground, Stand, Track, stood, tell, turned
+from swath.machine.drive_kernel import HALF, ONE, Loop, Traction, Wheels, rolled, slipped
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
@@ -30,43 +19,15 @@ def length_of(x: wp.float64, y: wp.float64) -> wp.float64: ...
 
 @wp.struct
 class Vehicle:
-    """What stays. along, across: the wheels as `traction.Traction` has them, in `Car`; wheelbase [m], below 0
+    """What stays. along, across: the wheels; wheelbase [m], below 0
     where the steered axle is ahead; rear_share: of the slope under the rear axle.
     """
 
-    along: Car
-    across: Car
+    along: Traction
+    across: Traction
     loop: Loop
     wheelbase: wp.float64
     rear_share: wp.float64
-
-
-@wp.func
-def way_of(speed: wp.float64, wanted: wp.float64, dt: wp.float64, loop: Loop) -> wp.float64:
-    """The distance of `loops.SpeedLoop.advance`."""
-    target = wp.clamp(wanted, -loop.fastest, loop.fastest)
-    limit = loop.decel
-    if wp.abs(target) > wp.abs(speed) and target * speed >= real(0.0):
-        limit = loop.accel
-    error = target - speed
-    if error == real(0.0):
-        return speed * dt
-    ramp = wp.abs(error) / limit - loop.lag
-    reached = speed
-    area = real(0.0)
-    if ramp > real(0.0):
-        ramp = wp.min(dt, ramp)
-        slope = wp.copysign(limit, error)
-        reached = speed + slope * ramp
-        area = (speed + HALF * slope * ramp) * ramp
-    else:
-        ramp = real(0.0)
-    rest = dt - ramp
-    if rest > real(0.0):
-        gap = target - reached
-        gone = -gap * expm1(-rest / loop.lag)
-        area += target * rest - loop.lag * gone
-    return area
 
 
 @wp.kernel
@@ -99,18 +60,12 @@ def drive_arcs(
     if wp.isfinite(limits[w]):
         wanted = wp.min(wp.max(wanted, -limits[w]), limits[w])
     dt = real(clock[2]) / real(1.0e9)
-    grade = -wp.sin(a.pitch) / wp.cos(a.pitch)
-    before = a.speed
-    slip = slipped(a.slip, grade, grade, wp.abs(before) * dt, v.along)
-    rim = driven(a.rim, wanted, dt, v.loop)
-    way = way_of(a.rim, wanted, dt, v.loop)
-    mean = ONE + HALF * (a.slip + slip)
-    free = rim / (ONE + slip)
-    speed = given(before, free, grade, grade, dt, v.along)
-    travel = way / mean
-    if speed != free:
-        rim = speed * (ONE + slip)
-        travel = HALF * (before + speed) * dt
+    before = Wheels()
+    before.speed = a.speed
+    before.rim = a.rim
+    before.slip = a.slip
+    wheels = rolled(before, wanted, dt, a.pitch, v.along, v.loop)
+    travel = wheels.way
     slope = a.front_slope + v.rear_share * (a.rear_slope - a.front_slope)
     drift = slipped(q.side, -slope, -slope, wp.abs(travel), v.across)
     turn = travel * wp.tan(steer) / v.wheelbase
@@ -126,9 +81,9 @@ def drive_arcs(
     q.yaw += turn
     q.distance += length_of(travel, aside)
     q.side = drift
-    a.speed = speed
-    a.rim = rim
-    a.slip = slip
+    a.speed = wheels.speed
+    a.rim = wheels.rim
+    a.slip = wheels.slip
     tracks[w] = q
     stands[w] = a
     steered[w] = steer
@@ -152,11 +107,9 @@ def stand_on(
     v = vehicles[w]
     q = tracks[w]
     old = stands[w]
-    g = grounds[w]
-    a = stood(g.nodes, g.first, g.points, g.span[0], q, v.loop)
+    a = stood(grounds[w], q)
     if a.is_done == ONE:
-        a = turned(a, q, v.along)
-        a.is_done = ONE
+        a = turned(a, q, real(0.0))
         a.speed = old.speed
         a.rim = old.rim
         a.slip = old.slip

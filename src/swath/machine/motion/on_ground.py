@@ -11,7 +11,7 @@ from swath.core.errors import InputError, SwathError
 from swath.core.random import Stream
 from swath.core.rows import row_of
 from swath.core.together import Given, Samples, in_world
-from swath.kernels import Repeated, Rows, filled, of_worlds
+from swath.kernels import Repeated, Rows, of_worlds
 from swath.machine.towing import refuse_reverse
 from swath.signals import EngineState, MachineState, SpeedCommand, SteerState
 
@@ -29,17 +29,16 @@ class OnGround(Compiled):
     stand: Repeated
 
     def __init__(self, parts: Sequence[Any]) -> None:
-        from swath.machine.motion import single_track_step_kernel as kernel
-        from swath.machine.motion.single_track_kernel import Track
+        from swath.machine.attitude_kernel import Ground, Stand, Track
 
         n = len(parts)
         super().__init__(n, {"state": row_of(MachineState, n)})
         self.parts = parts
         self.towing = [(world, part.towed) for world, part in enumerate(parts) if part.towed is not None]
         self.walks = not self.towing
-        self.tracks, self.stands = Rows(Track, n), Rows(kernel.Stand, n)
-        self._held = [_ground(part) for part in parts]
-        self.grounds = of_worlds(kernel.Ground, self._held)
+        self.tracks, self.stands = Rows(Track, n), Rows(Stand, n)
+        self._held = [part.follower.ground() for part in parts]
+        self.grounds = of_worlds(Ground, self._held)
         self._ground_rows = self.grounds.numpy()
         self.table = self.sent["state"].memory.view(np.float64).reshape(n, -1)
 
@@ -104,7 +103,7 @@ class OnGround(Compiled):
             except SwathError as error:
                 self.errors[world] = error
                 continue
-            self._held[world] = _ground(self.parts[world])
+            self._held[world] = self.parts[world].follower.ground()
             self._ground_rows[world] = self._held[world].numpy_value()
         return bool(missing)
 
@@ -139,10 +138,3 @@ class OnGround(Compiled):
         states: list[Any] = self.sent["state"].each()
         trailers = [towed.state(t, states[w].pose, self.place(w)[2]) for w, towed in self.towing]
         return {**found, "trailer": Samples.joined(trailers)}
-
-
-def _ground(part: Any) -> Any:
-    from swath.machine.motion.single_track_step_kernel import Ground
-
-    nodes, first, points, span = part.follower.footprint.arguments()
-    return filled(Ground, nodes=nodes, first=first, points=points, span=span)

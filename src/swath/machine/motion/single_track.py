@@ -5,7 +5,7 @@ the drive's closed loop. Equations, signs and validation: docs/explanation/machi
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -15,19 +15,19 @@ from swath.core.component import Port, State
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.core.signal import Signal
 from swath.core.together import Given, InWorlds, Samples
 from swath.core.units import DEG_PER_G, KMH, MS
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, Rows, repeatable, shared
 from swath.machine.attitude import TerrainFollower
+from swath.machine.loops import loop_of
 from swath.machine.machine_sheet import MachineSheet, dynamics_of, loaded
 from swath.machine.motion import ON_SOIL
 from swath.machine.motion.on_ground import OnGround
 from swath.machine.on_soil import OnSoil, OnTyres, met_by, soil_of
 from swath.machine.soil import Grip
 from swath.machine.towing import DRIVEN, ports_of, towed_by
-from swath.machine.traction import Traction, check_wheel_slip, pull, traction_of, wheels_of
+from swath.machine.traction import Traction, check_wheel_slip, pull, traction_of
 from swath.machine.tyre import GRAVITY, axle_stiffness
 from swath.signals import (
     F64,
@@ -119,8 +119,7 @@ class SingleTrack(InWorlds):
         wheels = d.front.radius, d.rear.radius, d.front.relaxation, d.rear.relaxation
         tyres = *self._stiffness, self._friction, self.rolling
         body = ahead, -machine.steered_x - ahead, d.mass, d.yaw_inertia, d.cg_height, machine.front_track
-        traction = traction_of(machine, d)
-        return traction, [*body, *wheels, *tyres, *astuple(traction), 0.0]
+        return traction_of(machine, d), [*body, *wheels, *tyres, self.sense, self.params.substep_ms * MS]
 
 
 class Cars(OnGround):
@@ -129,26 +128,30 @@ class Cars(OnGround):
     reads: ClassVar = {**OnGround.reads, "load": MachineLoad}
 
     def __init__(self, parts: Sequence[SingleTrack]) -> None:
-        from swath.machine.motion import single_track_step_kernel as kernel
+        from swath.machine import drive_kernel as kernel
         from swath.machine.motion.single_track_kernel import Car, Moment
+        from swath.machine.motion.single_track_step_kernel import stand_cars
 
         super().__init__(parts)
         n = self.worlds
         self._soft = [(world, part.soil) for world, part in enumerate(parts) if part.soil is not None]
         self.walks = self.walks and not (self._soft or any(part.params.wheel_slip for part in parts))
         self._cars, self._moments = Rows(Car, n), Rows(Moment, n)
-        self._loops = Rows(kernel.Loop, n, [_loop(part) for part in parts])
+        self._loops = Rows(kernel.Loop, n, [loop_of(dynamics_of(part.machine)) for part in parts])
+        self._tractions, self._firm = Rows(kernel.Traction, n), Rows(kernel.Traction, n)
+        self._slips = np.zeros((2, n))  # forces of driven wheels over their load, slips for them
+        given = [shared(self._slips[0]), self._firm.array, shared(self._slips[1])]
+        self._slip_under = repeatable(kernel.slip_under, given, threads=n)
         self._grain, self._again, self._sought = np.zeros(n), np.zeros(1, np.int32), np.zeros((n, 3))
-        self._tractions: list[Traction] = [part.weighed(0.0)[0] for part in parts]
-        rows = [row.array for row in (self._cars, self._loops, self.tracks, self.stands)]
-        self.stand = repeatable(kernel.stand_cars, [self.grounds, *rows, shared(self.table)], threads=n)
+        rows = [row.array for row in (self._cars, self.tracks, self.stands)]
+        self.stand = repeatable(stand_cars, [self.grounds, *rows, shared(self.table)], threads=n)
 
     def launches(self) -> Sequence[Repeated]:
         """Look what is in the tank, drive on."""
         from swath.machine.motion import single_track_step_kernel as kernel
 
         n, needs = self.worlds, shared(self.needs)
-        bodies = [self.grounds, self._cars.array, self._loops.array]
+        bodies = [self.grounds, self._cars.array, self._loops.array, self._tractions.array]
         flags = [shared(self.clock), needs, shared(self._again), shared(self._sought)]
         rows = [row.array for row in (self._moments, self.tracks, self.stands)]
         given = [*bodies, *self.asked(), *flags, *rows, shared(self.table)]
@@ -237,7 +240,10 @@ class Cars(OnGround):
     def _fill(self, world: int, grain: float) -> None:
         """Grain [kg] in the tank."""
         self._grain[world] = grain
-        self._tractions[world], numbers = self.parts[world].weighed(grain)
+        traction, numbers = self.parts[world].weighed(grain)
+        for row in (self._tractions, self._firm):
+            for column, number in zip(row.of.values(), (*traction, 0.0), strict=True):
+                column[world] = number
         for column, number in zip(self._cars.of.values(), numbers, strict=True):
             column[world] = number
         if (soil := self.parts[world].soil) is not None:
@@ -255,32 +261,29 @@ class Cars(OnGround):
         front, rear, drag = soil.given(*self.place(world), loads, slip)
         of["front_stiffness"][world], of["rear_stiffness"][world] = part.soft(front, rear)
         of["friction"][world] = 0.5 * (front.side_top + rear.side_top)
-        of["along_stiffness"][world], of["along_friction"][world] = front.along, front.along_top
-        of["rolling"][world] = of["drag"][world] = drag
+        along = self._tractions.of
+        along["stiffness"][world], along["friction"][world] = front.along, front.along_top
+        of["rolling"][world] = along["drag"][world] = drag
 
     def _with_wheels(self, found: Mapping[str, Samples], accel: F64) -> Mapping[str, Samples]:
         """What the driven wheels pull, and how they slip. accel: mean of the step [m/s2]."""
         if not self.parts[0].params.wheel_slip:
             return found
-        wheels: list[Signal] = []
+        wheels: list[WheelState] = []
         states: list[Any] = self.sent["state"].each()
         for world, (part, state) in enumerate(zip(self.parts, states, strict=True)):
-            rolling = part.rolling if part.soil is None else float(self._cars.of["drag"][world])
+            rolling = part.rolling if part.soil is None else float(self._tractions.of["drag"][world])
             d = replace(dynamics_of(part.machine), rolling_resistance=rolling)
             force, t = pull(state, float(accel[world]), float(self._grain[world]), d), state.t
             behind = float(self._cars.of["behind"][world])
             at_rest = GRAVITY * d.mass * behind / -part.machine.steered_x
             load = self.axle_loads(world)[0] if t > 0 else at_rest
-            wheels.append(wheels_of(t, state.speed, force, load, self._tractions[world]))
+            self._slips[0, world] = force / max(load, 1.0)
+            wheels.append(WheelState(t, state.speed, 0.0, force, load))
+        self._slip_under.launch()
+        slips = self._slips[1].tolist()
+        wheels = [replace(w, speed=w.speed * (1.0 + s), slip=s) for w, s in zip(wheels, slips, strict=True)]
         return {**found, "wheels": Samples.joined(wheels)}
-
-
-def _loop(part: SingleTrack) -> tuple[float, ...]:
-    """In the order of `single_track_step_kernel.Loop`."""
-    d, machine = dynamics_of(part.machine), part.machine
-    tracks = -machine.steered_x, machine.front_track, machine.rear_track
-    longest = part.params.substep_ms * MS
-    return d.speed_lag, d.accel, d.decel, d.max_speed, *tracks, part.sense, longest
 
 
 def _either(given: float | None, sheet: float) -> float:

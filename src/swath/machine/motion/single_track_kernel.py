@@ -7,24 +7,23 @@ from math import pi
 
 import warp as wp
 
-from swath.machine import traction, tyre
+from swath.machine import tyre
+from swath.machine.attitude_kernel import Track
+from swath.machine.drive_kernel import GRAVITY, HALF, LEAST_LOAD, ONE, THREE, soft_sign
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
 CREEP_SPEED = wp.constant(real(tyre.CREEP_SPEED))
 CREEP_DAMPING = wp.constant(real(tyre.CREEP_DAMPING))
-GRAVITY = wp.constant(real(tyre.GRAVITY))
-ROLLING_SPEED = wp.constant(real(tyre.ROLLING_SPEED))
 PI = wp.constant(real(pi))
-LEAST_LOAD = wp.constant(real(traction.LEAST_LOAD))
-HALF, ONE, TWO, THREE, SIX = (wp.constant(real(n)) for n in (0.5, 1.0, 2.0, 3.0, 6.0))
+TWO, SIX = wp.constant(real(2.0)), wp.constant(real(6.0))
 
 
 @wp.struct
 class Car:
     """What stays. ahead, behind: of the centre of gravity to the fixed axle (front) and of the steered one
-    (rear) to it [m], both below 0 where the steered axle is ahead; from along_stiffness on: as
-    `traction.Traction`; drag: resistance of soil over the weight, 0 on firm ground; SI.
+    (rear) to it [m], both below 0 where the steered axle is ahead; sense: of the steering, 1 or -1;
+    longest: substep [s]; SI.
     """
 
     ahead: wp.float64
@@ -41,13 +40,8 @@ class Car:
     rear_stiffness: wp.float64
     friction: wp.float64
     rolling: wp.float64
-    along_stiffness: wp.float64
-    along_friction: wp.float64
-    along_relaxation: wp.float64
-    thrust: wp.float64
-    level_share: wp.float64
-    grade_share: wp.float64
-    drag: wp.float64
+    sense: wp.float64
+    longest: wp.float64
 
 
 @wp.struct
@@ -79,27 +73,6 @@ class Moment:
     rear_load: wp.float64
     front_pull: wp.float64
     rear_pull: wp.float64
-
-
-@wp.struct
-class Track:
-    """The state: place [m], heading [rad], lateral speed of the centre of gravity [m/s], yaw rate [rad/s],
-    slips of the axles, distance [m]. The same struct holds its rates.
-    """
-
-    x: wp.float64
-    y: wp.float64
-    yaw: wp.float64
-    side: wp.float64
-    turn: wp.float64
-    front_slip: wp.float64
-    rear_slip: wp.float64
-    distance: wp.float64
-
-
-@wp.func
-def soft_sign(speed: wp.float64) -> wp.float64:
-    return wp.clamp(speed / ROLLING_SPEED, -ONE, ONE)
 
 
 @wp.func

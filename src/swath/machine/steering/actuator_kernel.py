@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.machine.motion.single_track_step_kernel import approached
+from swath.machine.drive_kernel import approached
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 NS = wp.constant(wp.float64(1.0e9))
@@ -44,7 +44,8 @@ def turned_to(servo: Servo, wheel: Wheel, duration: wp.int64) -> wp.float64:
     if error > wp.float64(0.0):
         target = wheel.wanted - rest
     lag = servo.lag * (wp.float64(1.0) - servo.band)
-    return approached(wheel.angle, target, wp.float64(duration) / NS, lag, servo.rate)
+    angle, _ = approached(wheel.angle, target, wp.float64(duration) / NS, lag, servo.rate)
+    return angle
 
 
 @wp.kernel

@@ -23,13 +23,13 @@ class NoField:
     stand = SimpleNamespace(crop="")
     moisture, soil = Moisture(), None
 
-    def footprint(self, points: Any, *, groups: int) -> Footprint:
-        """Ground height under groups of points: 0."""
+    def footprint(self, points: Any) -> Footprint:
+        """Ground height under points: 0."""
 
         def around(u: float, v: float, room: float, turn: tuple[float, float]) -> tuple[int, int, F64]:
             return floor(u) - 1, floor(v) - 1, np.zeros((4, 4))
 
-        return Footprint(points, (1.0, 0.0), NODE_M, around, groups=groups)
+        return Footprint(points, (1.0, 0.0), NODE_M, around)
 
     def deposit_straw(self, polygon: Any, mass: float, /, *, heading: float | None = None) -> None:
         """Nothing to do."""
