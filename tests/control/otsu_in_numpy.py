@@ -566,7 +566,8 @@ class OtsuInNumpy(KeepsState):
         self._sign = crop_sign(setup.edge_side)
         self._centre = self._sign * setup.machine.header_end(setup.edge_side)[1]
         lean = p.lean_share * tan(p.lean_deg * DEG)
-        self._canopy_offset = CanopyOffset(p.learn_m, lean, 0.5 * p.spot_mm * MM, parts=p.echo_parts)
+        self._learns = p.learn_m > 0.0
+        self._canopy_offset = CanopyOffset(p.learn_m or 1.0, lean, 0.5 * p.spot_mm * MM, parts=p.echo_parts)
         self._gates = Gates(
             min_step=p.min_step_m,
             min_gain=p.min_gain,
@@ -615,7 +616,9 @@ class OtsuInNumpy(KeepsState):
         if found is not None:
             self._remember_heights(found)
             if line is not None:
-                self._canopy_offset.add(found.rays, found.u - float(line.at(found.x)), self._crop)
+                lateral = found.u - float(line.at(found.x))
+                if self._learns and abs(lateral) <= 0.12:
+                    self._canopy_offset.add(found.rays, self._crop)
 
     def _look(self, profile: Profile) -> Step | None:
         """The step of a profile without what hangs above the crop: dust near the scanner.

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+import warp as wp
 
-from swath.control.edge.feet.canopy_offset import LAYER, TALLEST, CanopyOffset, Rays, height_at, stopped
+from swath.control.edge.feet.canopy_offset import LAYER, TALLEST, CanopyOffset, Rays, stopped
+from swath.control.edge.feet.canopy_offset_kernel import height_at, sum_of
+from swath.kernels import repeatable, shared
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive as run
@@ -35,7 +38,7 @@ def learned(parts, pieces, spread, edge, *, guess=0.057, scans=500, memory=30.0,
     rng, offset = np.random.default_rng(seed), CanopyOffset(memory, guess, parts=parts)
     for _ in range(scans):
         offset.move(0.08)
-        offset.add(look(rng, parts, pieces, spread, edge), 0.0, 0.95)
+        offset.add(look(rng, parts, pieces, spread, edge), 0.95)
     return offset.shift(0.95)
 
 
@@ -45,10 +48,26 @@ def test_the_chance_to_meet_so_many_pieces_is_that_of_drawn_ones(parts):
     assert stopped(np.array([1.0, 4.0]), parts) == pytest.approx((drawn >= parts).mean(axis=1), abs=0.01)
 
 
+@wp.kernel
+def read_heights(counts: wp.array2d(dtype=wp.float64), shares: wp.array2d(dtype=wp.float64)):
+    w = wp.tid()
+    total = sum_of(counts[w], counts.shape[1])
+    for k in range(shares.shape[1]):
+        shares[w, k] = height_at(counts[w], total, shares[w, k], wp.float64(0.02))
+
+
 def test_heights_below_which_a_share_lies():
-    z = np.random.default_rng(1).uniform(0.4, 0.9, 50_000)
-    counts = np.histogram(z, bins=round(TALLEST / LAYER), range=(0.0, TALLEST))[0].astype(float)
-    assert height_at(counts, np.array([0.1, 0.5])) == pytest.approx([0.45, 0.65], abs=0.005)
+    """Where the counts reach the share, straight between layers; also with empty layers, and a single one."""
+    rng, shares = np.random.default_rng(1), np.array([0.1, 0.5, 0.93])
+    counts = rng.uniform(0.0, 9.0, (40, round(TALLEST / LAYER))) * (rng.random((40, 200)) < 0.3)
+    counts[0] = np.histogram(rng.uniform(0.4, 0.9, 50_000), bins=200, range=(0.0, TALLEST))[0]
+    counts[1], counts[1, 7] = 0.0, 3.0
+    found = np.tile(shares, (40, 1))
+    repeatable(read_heights, [shared(counts), shared(found)], threads=40).launch()
+    for row, heights in zip(counts, found, strict=True):
+        below = np.interp(heights, LAYER * np.arange(1, 201), np.cumsum(row) / row.sum())
+        np.testing.assert_allclose(below, np.maximum(shares, row[0] / row.sum()), atol=1e-9)
+    assert found[0, :2] == pytest.approx([0.45, 0.65], abs=0.005)
 
 
 @pytest.mark.parametrize("parts", [1, 3])
@@ -61,18 +80,6 @@ def test_the_offset_of_the_canopy_is_found_whatever_the_guess_and_the_crop(parts
     assert learned(parts, pieces * parts**0.5, spread, edge, guess=0.0) == pytest.approx(found, abs=0.003)
 
 
-def test_without_memory_the_guess_holds():
-    assert learned(1, 9.0, 0.1, 0.1, memory=0.0) == 0.057 * 0.95
-
-
-def test_scans_that_show_a_notch_do_not_count():
-    offset, rng = CanopyOffset(30.0, 0.05), np.random.default_rng(3)
-    for _ in range(50):
-        offset.move(0.08)
-        offset.add(look(rng, 1, 9.0, 0.2, 0.1), 0.3, 0.95)
-    assert offset.shift(1.0) == 0.05
-
-
 def test_back_to_a_saved_moment():
     rng, one, two = np.random.default_rng(4), CanopyOffset(30.0, 0.05), CanopyOffset(30.0, 0.05)
     steps = [look(rng, 1, 9.0, 0.1, 0.1) for _ in range(60)]
@@ -80,11 +87,11 @@ def test_back_to_a_saved_moment():
         if k == 30:
             state = one.save()
         one.move(0.08)
-        one.add(step, 0.0, 0.9)
+        one.add(step, 0.9)
     two.load(state)
     for step in steps[30:]:
         two.move(0.08)
-        two.add(step, 0.0, 0.9)
+        two.add(step, 0.9)
     assert two.shift(0.9) == one.shift(0.9) != 0.045
 
 

@@ -110,6 +110,7 @@ class Detectors(KeepsRows, Compiled):
 
     def __init__(self, parts: Sequence[Otsu]) -> None:
         from swath.control.edge import otsu_kernel as kernel
+        from swath.control.edge.feet.canopy_offset_kernel import Offset
 
         n = len(parts)
         super().__init__(n, {"edge": row_of(CropEdge, n, NAMES)})
@@ -117,10 +118,10 @@ class Detectors(KeepsRows, Compiled):
         self._settings = Rows(kernel.Settings, n, [_settings(part) for part in parts])
         parts_of = {part.params.echo_parts for part in parts}
         tables = {count: CanopyOffset(1.0, 0.0, parts=count) for count in parts_of}
-        structs = {count: filled(kernel.Offset, **table.tables()) for count, table in tables.items()}
+        structs = {count: filled(Offset, **table.tables) for count, table in tables.items()}
         self._held = [structs[part.params.echo_parts] for part in parts]
-        self._offsets = of_worlds(kernel.Offset, self._held)
-        places, layers, logs, scores = next(iter(tables.values())).shapes()
+        self._offsets = of_worlds(Offset, self._held)
+        places, layers, logs, scores = next(iter(tables.values())).shapes
         self._states = Rows(kernel.State, n)
         self._tracks, self._seen = np.zeros((n, ROOM, 7)), np.zeros((n, *places))
         self._heights = np.zeros((n, *layers))

@@ -18,7 +18,7 @@ import warp as wp
 from swath.control import inclination
 from swath.control.edge import canopy_classes, profile
 from swath.control.edge.feet import canopy_offset
-from swath.control.edge.feet.canopy_offset_kernel import SPREADS, score_of_shifts
+from swath.control.edge.feet.canopy_offset_kernel import Offset, Rays, count_rays, fitted_shift
 from swath.control.edge.line import line_weights
 from swath.control.inertial_kernel import incline
 from swath.core import schedule
@@ -57,14 +57,8 @@ ERROR_ODDS = constants(3.0)[0]  # nat: odds of an echo on its side of a threshol
 WINDOW_S, FORGET_S, MIN_SHARE = constants(6.0, 4.0, 0.6)  # s, s, [1]: greatest age, memory of the lost, scans
 PER_SAMPLE, LEVER = constants(8.0, 1.2)  # scans see the same stems; m, a point's place in its scan
 CRAB, GRAVITY = constants(inclination.CRAB, inclination.GRAVITY)
-REACHED, FROM, BIN, LAYER = constants(
-    canopy_offset.REACHED, canopy_offset.FROM, canopy_offset.BIN, canopy_offset.LAYER
-)
-FEWEST, STRAY, CLOSE = constants(canopy_offset.FEWEST, canopy_offset.STRAY, canopy_offset.CLOSE)
-GUESS, OFTEN, COUNT = constants(
-    canopy_offset.GUESS, canopy_offset.OFTEN, 1.0 / canopy_offset.SCANS_PER_SAMPLE
-)
-INSIDE_FROM, INSIDE_TO = constants(*canopy_offset.INSIDE)
+OFTEN = constants(canopy_offset.OFTEN)[0]
+CLOSE = constants(0.12)[0]  # m: scans whose edge point is further from the line show a notch, not the edge
 
 
 @wp.struct
@@ -95,18 +89,6 @@ class Settings:
     lean: wp.float64
     spot: wp.float64
     memory: wp.float64
-
-
-@wp.struct
-class Offset:
-    """Tables of `CanopyOffset`."""
-
-    middle: wp.array(dtype=wp.float64)
-    shifts: wp.array(dtype=wp.float64)
-    met: wp.array(dtype=wp.float64)
-    chance: wp.array(dtype=wp.float64)
-    there: wp.array(dtype=wp.float64)
-    which: wp.array3d(dtype=int)
 
 
 @wp.struct
@@ -760,73 +742,9 @@ def confidence_of(rows: Table, state: State, s: Settings) -> wp.float64:
 
 
 @wp.func
-def height_at(heights: Numbers, total: wp.float64, share: wp.float64) -> wp.float64:
-    """As `canopy_offset.height_at`, of one share."""
-    n = heights.shape[0]
-    reached = real(0.0)
-    before = real(0.0)
-    k = int(0)
-    for i in range(n):
-        if reached <= share * total:
-            before = reached
-            reached += heights[i]
-            k = i
-    if k == 0 or reached <= share * total:
-        return LAYER * real(k + 1)
-    return LAYER * (real(k) + (share * total - before) / (reached - before))
-
-
-@wp.func
 def guess_of(s: Settings, height: wp.float64) -> wp.float64:
     """How far the feet are behind the canopy's edge before anything is learned [m]."""
     return s.lean * wp.max(height, ZERO) + s.spot
-
-
-@wp.func
-def stopped_depth(o: Offset, most: wp.float64) -> wp.float64:
-    """Pieces that a ray meets where a share of them is stopped."""
-    low = int(0)
-    high = int(o.chance.shape[0] - 1)
-    if most <= o.chance[0]:
-        return o.met[0]
-    if most >= o.chance[high]:
-        return o.met[high]
-    while high - low > 1:
-        k = (low + high) // 2
-        if o.chance[k] <= most:
-            low = k
-        else:
-            high = k
-    share = (most - o.chance[low]) / (o.chance[high] - o.chance[low])
-    return o.met[low] + share * (o.met[high] - o.met[low])
-
-
-@wp.func
-def fitted_shift(o: Offset, guess: wp.float64, seen: Table, logs: Table, score: Table) -> wp.float64:
-    """As `CanopyOffset._fit`."""
-    passed = real(0.0)
-    held = real(0.0)
-    for i in range(o.middle.shape[0]):
-        if o.middle[i] > INSIDE_FROM:
-            passed += seen[0, i]
-            held += seen[1, i]
-    most = wp.min(wp.max(held / wp.max(passed + held, TINY), real(0.3)), ONE - STRAY)
-    depth = stopped_depth(o, most)
-    score_of_shifts(depth, STRAY, o.met, o.chance, o.there, o.which, seen, logs, score)
-    best = -INF
-    for k in range(o.shifts.shape[0]):
-        away = (o.shifts[k] - guess) / GUESS
-        for spread in range(SPREADS):
-            score[spread, k] = score[spread, k] - HALF * away * away
-            best = wp.max(best, score[spread, k])
-    total = real(0.0)
-    mean = real(0.0)
-    for k in range(o.shifts.shape[0]):
-        for spread in range(SPREADS):
-            chance = wp.exp(score[spread, k] - best)
-            total += chance
-            mean += chance * o.shifts[k]
-    return mean / total
 
 
 @wp.func
@@ -842,33 +760,18 @@ def learn_offset(
     logs: Table,
     score: Table,
 ) -> State:
-    """As `CanopyOffset.add`."""
+    """Count the rays of a step, and fit the shift now and then."""
     if s.memory <= ZERO or wp.abs(lateral) > CLOSE:
         return state
-    over = wp.max(step.top - step.limit, real(0.01))
-    share = (HALF * (step.limit + step.top) - step.limit) / over
-    layers = heights.shape[0]
-    for i in range(step.count):
-        place = scratch[LOWER, i] + share * (scratch[UPPER, i] - scratch[LOWER, i])
-        if place > INSIDE_FROM and place < INSIDE_TO:
-            height = (scratch[LEVEL, i] - step.ground) / LAYER
-            heights[wp.clamp(int(height), 0, layers - 1)] += ONE
-    total = real(0.0)
-    for i in range(layers):
-        total += heights[i]
-    if total < FEWEST:
-        return state
-    least = wp.max(height_at(heights, total, ONE - REACHED), step.limit)
-    share = (height_at(heights, total, HALF) - step.limit) / over
-    for i in range(step.count):
-        place = scratch[LOWER, i] + share * (scratch[UPPER, i] - scratch[LOWER, i])
-        k = int(wp.floor((place - FROM) / BIN))
-        if k >= 0 and k < seen.shape[1]:
-            if scratch[LEVEL, i] - step.ground > least:
-                seen[1, k] += COUNT
-            else:
-                seen[0, k] += COUNT
-    if state.since >= OFTEN and state.crop > ZERO:
+    r = Rays()
+    r.upper = scratch[UPPER]
+    r.lower = scratch[LOWER]
+    r.level = scratch[LEVEL]
+    r.ground = step.ground
+    r.top = step.top
+    r.limit = step.limit
+    r.count = step.count
+    if count_rays(o, r, seen, heights) and state.since >= OFTEN and state.crop > ZERO:
         state.since = ZERO
         state.shift = fitted_shift(o, guess_of(s, state.crop), seen, logs, score)
     return state

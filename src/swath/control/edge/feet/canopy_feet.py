@@ -85,7 +85,7 @@ class CanopyFeet(KeepsState):
         seen = np.isfinite(tall)
         upper = np.concatenate([rays.upper for rays in scans])[seen] - edge
         lower = np.concatenate([rays.lower for rays in scans])[seen] - edge
-        self._offset.add(Rays(upper, lower, tall[seen], height, LIMIT * height), 0.0, height)
+        self._offset.add(Rays(upper, lower, tall[seen], height, LIMIT * height), height)
         self._ramp.move(travel)
         self._look_for_rows(counts, edge, travel, height, heading)
         if abs(angle) < OBLIQUE:
