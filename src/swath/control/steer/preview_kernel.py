@@ -1,13 +1,11 @@
 """The levels `preview`, `stanley` and `pure_pursuit` as a kernel over worlds."""
 
-from pathlib import Path
-
 import warp as wp
 
 from swath.control import inclination, yaw_rate
 from swath.control.inertial_kernel import incline, turn
 from swath.control.steer import plant_model
-from swath.kernels import constants, exact_code
+from swath.kernels import constants
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
@@ -17,13 +15,10 @@ ZERO, HALF, ONE, TWO, NS, INF = constants(0.0, 0.5, 1.0, 2.0, 1e9, float("inf"))
 GRAVITY, CRAWL, BETTER, FORGET = constants(
     inclination.GRAVITY, plant_model.CRAWL, plant_model.BETTER, plant_model.FORGET_M
 )
-SURE, AGAIN, LONGEST = constants(plant_model.SURE, yaw_rate.AGAIN_S, yaw_rate.LONGEST_S)
+SURE = constants(plant_model.SURE)[0]
+BIAS = wp.constant(yaw_rate.BIAS)
 STEEPEST, SLIP_LIMIT = constants(plant_model.STEEPEST, plant_model.SLIP_LIMIT)
 STANLEY_LAW, PURSUIT_LAW = constants(plant_model.STANLEY, plant_model.PURE_PURSUIT)
-
-
-@wp.func_native(exact_code(Path(__file__).parent.parent / "yaw_bias.cpp"))
-def bias_of(memory: wp.array(dtype=wp.float64)) -> wp.float64: ...
 
 
 @wp.struct
@@ -65,7 +60,6 @@ class State:
     slip: direction of travel to the left of what the steering explains [rad]
     curvature, deficit, model: of `ActuatorModel`
     observed, error, sd: of `SlipObserver`, error nan = none
-    bias, since: of `YawRate`
     """
 
     command: wp.float64
@@ -79,8 +73,6 @@ class State:
     observed: wp.float64
     error: wp.float64
     sd: wp.float64
-    bias: wp.float64
-    since: wp.float64
 
 
 @wp.struct
@@ -287,18 +279,12 @@ def steer(
     speed = real(0.0)
     if wp.isfinite(measured):
         speed = measured
-    if wp.isfinite(rate):
-        short = wp.min(seconds, LONGEST)
-        turning[w, 1] = rate
-        turning[w, 2] = measured
-        turning[w, 3] = angle
-        turning[w, 4] = short
-        turn(turning[w])
-        state.since += short
-        if state.since >= AGAIN:
-            state.since = ZERO
-            state.bias = bias_of(turning[w])
-        rate = rate - state.bias
+    turning[w, 1] = rate
+    turning[w, 2] = measured
+    turning[w, 3] = angle
+    turning[w, 4] = seconds
+    turn(turning[w])
+    rate = rate - turning[w, BIAS]
     driven = real(0.0)
     if measured > CRAWL and wp.isfinite(rate):
         driven = rate / measured
