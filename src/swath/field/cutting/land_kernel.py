@@ -3,6 +3,8 @@
 Units are those of `field/paging/height_bounds.py`; numbers are float64 without fused multiply-adds.
 """
 
+from typing import Any
+
 import warp as wp
 
 CELLS = wp.constant(64)  # along a tile
@@ -40,8 +42,8 @@ def floor_div(a: int, b: int) -> int:
 
 
 @wp.func
-def slot_at(land: Land, i: int, j: int) -> int:
-    """Slot of a page, -1 where none is."""
+def slot_at(land: Any, i: int, j: int) -> int:
+    """Slot of a page, -1 where none is. land: a struct with a table as in `memory_layout.Pages`."""
     x = i - land.table_x
     y = j - land.table_y
     if x < 0 or y < 0 or x >= land.table.shape[1] or y >= land.table.shape[0]:

@@ -139,9 +139,10 @@ class Cars(OnGround):
         self._cars, self._moments = Rows(Car, n), Rows(Moment, n)
         self._loops = Rows(kernel.Loop, n, [loop_of(dynamics_of(part.machine)) for part in parts])
         self._tractions, self._firm = Rows(kernel.Traction, n), Rows(kernel.Traction, n)
-        self._slips = np.zeros((2, n))  # forces of driven wheels over their load, slips for them
-        given = [shared(self._slips[0]), self._firm.array, shared(self._slips[1])]
-        self._slip_under = repeatable(kernel.slip_under, given, threads=n)
+        if parts[0].params.wheel_slip:
+            self._slips = np.zeros((2, n))  # forces of driven wheels over their load, slips for them
+            given = [shared(self._slips[0]), self._firm.array, shared(self._slips[1])]
+            self._slip_under = repeatable(kernel.slip_under, given, threads=n)
         self._grain, self._again, self._sought = np.zeros(n), np.zeros(1, np.int32), np.zeros((n, 3))
         rows = [row.array for row in (self._cars, self.tracks, self.stands)]
         self.stand = repeatable(stand_cars, [self.grounds, *rows, shared(self.table)], threads=n)
@@ -281,8 +282,8 @@ class Cars(OnGround):
             self._slips[0, world] = force / max(load, 1.0)
             wheels.append(WheelState(t, state.speed, 0.0, force, load))
         self._slip_under.launch()
-        slips = self._slips[1].tolist()
-        wheels = [replace(w, speed=w.speed * (1.0 + s), slip=s) for w, s in zip(wheels, slips, strict=True)]
+        each = zip(wheels, self._slips[1].tolist(), strict=True)
+        wheels = [replace(wheel, speed=wheel.speed * (1.0 + slip), slip=slip) for wheel, slip in each]
         return {**found, "wheels": Samples.joined(wheels)}
 
 

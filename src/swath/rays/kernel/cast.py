@@ -11,9 +11,9 @@ from swath.rays.kernel.scene import (
     facing,
     floor_div,
     no_hit,
-    page_slot,
     plane_offset,
     plane_slope,
+    slot_at,
     swayed,
     to_stand,
 )
@@ -226,7 +226,7 @@ def cross_field(scene: Scene, ray: Ray, hit: Hit):
     py = floor_div(ray.tile_y, 8)
     t = float(0.0)
     while True:
-        slot = page_slot(scene, px, py)
+        slot = slot_at(scene, px, py)
         if slot < 0:
             break
         page = wp.vec2i(px * 8 - ray.tile_x, py * 8 - ray.tile_y)

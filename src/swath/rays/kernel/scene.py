@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from swath.field.cutting.land_kernel import floor_div
+from swath.field.cutting.land_kernel import floor_div, slot_at
 from swath.rays.kernel.shapes import MISS
 
 
@@ -140,21 +140,11 @@ def plane_offset(o: float, d: float) -> float:
 
 
 @wp.func
-def page_slot(scene: Scene, page_x: int, page_y: int) -> int:
-    """Slot of a page, -1 where nothing is known."""
-    i = page_x - scene.table_x
-    j = page_y - scene.table_y
-    if i < 0 or j < 0 or i >= scene.table.shape[1] or j >= scene.table.shape[0]:
-        return -1
-    return scene.table[j, i]
-
-
-@wp.func
 def cut_code(scene: Scene, cell_x: int, cell_y: int) -> int:
     """Cut code of a cell by its number from the origin of the stand frame; 255 where nothing is known."""
     page_x = floor_div(cell_x, 512)
     page_y = floor_div(cell_y, 512)
-    slot = page_slot(scene, page_x, page_y)
+    slot = slot_at(scene, page_x, page_y)
     if slot < 0:
         return 255
     row = scene.cut_slot[slot]
