@@ -49,6 +49,16 @@ def test_a_machine_at_rest_does_not_turn():
     assert abs(left_over(0.3, has_unit=False)) > 0.1  # one sensor against one, on the way
 
 
+def test_the_bias_is_estimated_anew_every_half_second():
+    rate, told = YawRate(BASE, Pose(np.zeros(3), np.eye(3))), []
+    for k in range(250):
+        odometry = Odometry(0, 2.0, 0.5 * DEG, 0.01 * np.sin(k))
+        told.append(rate.of(odometry, [Inertial(0, 0.0, 0.0, 0.0, 0.0, 0.0, 9.81)], DT))
+    changes = np.flatnonzero(np.diff(told))
+    assert len(changes) == 10
+    assert (np.diff(changes) == 25).all()
+
+
 @pytest.mark.parametrize("count", [1, 4, 90])
 def test_samples_of_a_step_count_by_their_mean(count):
     """However many there are; one in which a number is missing does not count."""

@@ -71,15 +71,28 @@ def test_wheels_slip_until_the_brush_carries_the_slope(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_wheels_give_no_more_than_they_grip_and_the_drive_pushes(seed):
-    """Braked downhill, steeper than what holds it."""
+    """Braked downhill, sped up uphill, steeper than what holds it."""
     wheels, t, speed, draw = drawn_wheels(seed)
-    t, grade = t._replace(**{draw.choice(["friction", "thrust"]): 0.05}), draw.uniform(-0.3, -0.1)
+    t, sense = t._replace(**{draw.choice(["friction", "thrust"]): 0.05}), draw.choice([-1.0, 1.0])
+    grade = sense * draw.uniform(0.1, 0.3)
     level = 1.0 / sqrt(1.0 + grade**2)
     most = min(t.friction * (0.7 - 0.3 * grade) * level, t.thrust)
-    _, way = wheels.advance(0.0, 0.02, -atan(grade), t)
-    assert wheels.speed == pytest.approx(speed - 0.02 * GRAVITY * (most + grade * level), rel=1e-12)
+    _, way = wheels.advance(0.0 if sense < 0.0 else 5.0, 0.02, -atan(grade), t)
+    assert wheels.speed == pytest.approx(speed + 0.02 * GRAVITY * (sense * most - grade * level), rel=1e-12)
     assert way == pytest.approx(0.01 * (speed + wheels.speed), rel=1e-12)
     assert wheels.rim == pytest.approx(wheels.speed * (1.0 + wheels.slip), rel=1e-15)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_way_of_wheels_is_that_of_many_short_steps(seed):
+    """To the second order, while the slip grows, by 2e-4 and more, and the speed changes."""
+    wheels, t, speed, draw = drawn_wheels(seed)
+    fine, _, _, _ = drawn_wheels(seed)
+    pitch, wanted = -atan(0.2 * t.friction), speed * draw.uniform(0.9, 1.1)
+    middle, way = wheels.advance(wanted, 0.02, pitch, t)
+    ways = [fine.advance(wanted, 0.0002, pitch, t)[1] for _ in range(100)]
+    assert way == pytest.approx(sum(ways), rel=7e-5)
+    assert middle == pytest.approx(sum(ways[45:55]) / 0.002, rel=1e-4)
 
 
 def test_wheels_go_on_from_a_saved_moment():
