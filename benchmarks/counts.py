@@ -1,19 +1,21 @@
 """What a simulated second takes, in counts that no clock and no other load moves.
 
 python -m benchmarks.counts [--scenario straight] [--seconds 1] [--record none] [--set KEY=VALUE ...]
-    [--modules]
+    [--modules] [--start WORDS]
 
 Counted are, of the longer of two runs less the shorter: bytecodes that the interpreter executed; calls of
 Python functions, those of comprehensions and generators among them; returns from compiled code to Python,
 which are entries of the walker, steps of parts in Python and calls of `supply` by ops. The end of a run
 counts, and so do threads; child processes do not. Other versions of Python have other counts. Then come two
 measures of simplicity: the classes that a sample goes through, and the modules that ask for the types of
-fields. --modules: how many of the bytecodes each module executes. `benchmarks/instructions.py` counts the
-instructions of all of it.
+fields. --modules: how many of the bytecodes each module executes. --start: instead, what a command line such
+as `--help` takes from the import on: bytecodes of swath and argparse, modules of swath.
+`benchmarks/instructions.py` counts the instructions of all of it.
 """
 
 import argparse
 import ast
+import io
 import json
 import os
 import subprocess
@@ -22,6 +24,7 @@ import tempfile
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -31,6 +34,7 @@ SOURCE = ROOT / "src" / "swath"
 BEGIN_S = 1.0  # of the shorter run: its start and its end are not counted
 SETS = {"combine.lidar.level": "empirical", "combine.motion.start_speed_kmh": "7"}
 BYTECODES, CALLS, WALKS, STEPS, SUPPLIES = "bytecodes", "calls", "entries of the walker", "steps", "supplies"
+MODULES = "modules"
 OTHERS, MOST = "not of swath", 25  # modules that are shown
 # modules that keep, send and step samples; a module that replaces one of them takes its place here
 MIDDLE = (
@@ -119,13 +123,24 @@ def of_a_second(
     }
 
 
+def of_start(words: Sequence[str]) -> dict[str, float]:
+    """What a command line takes from the import on; how many packages are installed does not count."""
+    with Counting({}) as counting, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        from swath.commands.main import main
+
+        with suppress(SystemExit):
+            main(words)
+    ours = [n for file, n in counting.bytecodes.items() if SOURCE in Path(file).parents or "argparse" in file]
+    return {BYTECODES: sum(ours), MODULES: sum(name.partition(".")[0] == "swath" for name in sys.modules)}
+
+
 def in_a_process(*arguments: str) -> tuple[dict[str, float], dict[str, float]]:
     """The same, by a process of its own, which knows nothing of runs before.
 
     arguments: as of this program
     """
     paths = os.pathsep.join([str(ROOT / "src"), str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    env = os.environ | {"SWATH_THREADS": "1", "PYTHONHASHSEED": "0", "PYTHONPATH": paths}
+    env = os.environ | {"SWATH_THREADS": "1", "PYTHONHASHSEED": "0", "PYTHONPATH": paths, "COLUMNS": "80"}
     command = [sys.executable, "-m", "benchmarks.counts", *arguments, "--inside"]
     done = subprocess.run(command, env=env, cwd=ROOT, check=True, capture_output=True, text=True)
     found, modules = json.loads(done.stdout)
@@ -159,9 +174,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--record", default="none", choices=("none", "standard", "exact", "full"))
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--modules", action="store_true", help="how many bytecodes each module executes")
+    parser.add_argument("--start", metavar="WORDS", help="what this command line takes from the import on")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     given = list(sys.argv[1:] if arguments is None else arguments)
     options = parser.parse_args(given)
+    if options.start is not None:
+        print(json.dumps([of_start(options.start.split()), {}]))
+        return
     if options.inside:
         sets = SETS | dict(text.split("=", 1) for text in options.set)
         print(json.dumps(of_a_second(options.scenario, sets, options.seconds, options.record)))

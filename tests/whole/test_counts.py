@@ -8,10 +8,23 @@ something for it, which its commit names; otherwise it is mended.
 import sys
 
 import pytest
-from benchmarks.counts import BYTECODES, CALLS, STEPS, SUPPLIES, WALKS, asks_for_types, classes, in_a_process
+from benchmarks.counts import (
+    BYTECODES,
+    CALLS,
+    MODULES,
+    STEPS,
+    SUPPLIES,
+    WALKS,
+    asks_for_types,
+    classes,
+    in_a_process,
+)
 
 BOUNDS = {BYTECODES: 797_000, CALLS: 25_700, WALKS: 220, STEPS: 25, SUPPLIES: 115}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
+STARTS = {  # command line -> bytecodes, modules
+    "--help": (86_500, 100), "run --help": (64_800, 30), "walk": (16_200, 27), "": (6_900, 27),
+}  # fmt: skip
 CLASSES, ASKING = 44, 7
 
 
@@ -21,6 +34,15 @@ def test_a_simulated_second_takes_no_more():
     grown = {name: (found[name], most) for name, most in BOUNDS.items() if found[name] > SPARE * most}
     assert not grown, "more than before: see above what to do (count, bound)"
     assert found[BYTECODES] == sum(modules.values()) > found[CALLS] > found[WALKS] > 0
+
+
+@pytest.mark.skipif(sys.version_info[:2] != (3, 11), reason="other versions of Python have other bytecodes")
+@pytest.mark.parametrize("words", STARTS)
+def test_a_start_takes_no_more(words):
+    found, _ = in_a_process(f"--start={words}")
+    most_bytecodes, most_modules = STARTS[words]
+    assert 0 < found[BYTECODES] <= SPARE * most_bytecodes
+    assert 0 < found[MODULES] <= most_modules
 
 
 def test_a_sample_goes_through_no_more_classes():

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import near_miss
 from swath.terminal.options import option, verb
 
 PLACE = "start", 8  # among all commands
@@ -20,7 +21,6 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print a page as it is, or path and title of all."""
     from swath.core.errors import InputError
-    from swath.documents.validation import near_miss
     from swath.terminal.tables import say, table
 
     found = pages()

@@ -4,6 +4,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from swath.core.errors import near_miss
 from swath.terminal.options import option, verb
 from swath.terminal.tables import add_json, as_json, say, table
 
@@ -20,7 +21,6 @@ def add(parsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the levels."""
     from swath.core.errors import InputError
-    from swath.documents.validation import near_miss
     from swath.runtime.met import untold
     from swath.scenario.slots import CATALOGUE
 

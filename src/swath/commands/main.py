@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from swath import __version__
-from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, reason_of, shortened
+from swath.core.errors import MIGRATED_BY, InputError, SwathError, fitted, near_miss, reason_of, shortened
 from swath.core.files.place import within
 from swath.core.files.temporary import sweep
 from swath.core.foreign_code import allow_code, code_in, of_exit, texts_in
@@ -33,6 +33,7 @@ GROUPS = {
 }
 ALLOW_CODE = "let code run that the files name, with your rights: Python files, FMUs (SECURITY.md)"
 ALLOW_ADDRESS = "open an address, bus or terminal that the files name, in the same words; several times"
+HELP = ("--help", "-h")
 SETTINGS = ("SWATH_CPU", "SWATH_DATA", "SWATH_DEBUG", "SWATH_DEVICE", "SWATH_THREADS")
 MOST_SAID = 20  # of the mistakes in one file
 GONE = {"migrate": MIGRATED_BY}  # commands of version 0.2: what to do instead
@@ -99,8 +100,23 @@ class _Help(argparse.RawDescriptionHelpFormatter):
             super().add_argument(action)
 
 
+class _Unasked:
+    """In the place of a parser where only the lines of commands are asked for: takes all, keeps none."""
+
+    def __getattr__(self, _name: str) -> Any:
+        return self
+
+    def __call__(self, *_: Any, **_options: Any) -> Any:
+        return self
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(())
+
+
 class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
-    """Commands, and a line of help for each."""
+    """Commands, and a line of help for each; with only_lines, nothing but that."""
+
+    only_lines = False
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -109,7 +125,7 @@ class _Commands(argparse._SubParsersAction):  # type: ignore[type-arg]
     def add_parser(self, name: str, **options: Any) -> Any:
         """A parser of a command."""
         self.lines.append(f"  {name:<11} {options['help']}")
-        return super().add_parser(name, **options)
+        return _Unasked() if self.only_lines else super().add_parser(name, **options)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -187,15 +203,13 @@ def _dispatch(argv: list[str]) -> int:
         argv = ["--help"]
     if argv[0] in GONE:
         raise UsageError(f"{argv[0]}: no such command any more, {GONE[argv[0]]}")
-    parser, names = make_parser(argv[0])
+    names = list(installed("command"))
     if not argv[0].startswith("-") and argv[0] not in names:
-        from swath.documents.validation import near_miss
-
         hint = (
             near_miss(argv[0], names) or f", expected one of {', '.join(names) or 'none: install swath anew'}"
         )
         raise UsageError(f"{argv[0]}: no such command{hint}")
-    args = parser.parse_args(argv)
+    args = make_parser(argv[0])[0].parse_args(argv)
     with ExitStack() as held:
         named = [t for key, value in vars(args).items() if key != "cluster" for t in texts_named(value)]
         held.enter_context(allow_code(None if args.allow_code else code_in(named), named))
@@ -210,15 +224,16 @@ def _dispatch(argv: list[str]) -> int:
     return code
 
 
-def make_parser(named: str = "--help") -> tuple[argparse.ArgumentParser, list[str]]:
+def make_parser(named: str = "") -> tuple[argparse.ArgumentParser, list[str]]:
     """The parser of all command lines, and the names of the commands.
 
-    named: the first argument: where it is a command, that one is loaded, else all of swath; all of them are
-    entry points, `command.NAME`
+    named: the first argument: where it is a command, that one is loaded, else all of swath, for `--help`
+    without their options; all of them are entry points, `command.NAME`
     """
     parser = _Parser(prog="swath", usage="swath COMMAND ...", formatter_class=_Help)
     parser.add_argument("-V", "--version", action="version", version=f"swath {__version__}")
     parsers: Any = parser.add_subparsers(prog="swath", metavar="COMMAND", required=True, action=_Commands)
+    parsers.only_lines = named in HELP
     known, shown = installed("command"), ["A simulator for harvest machines that act on what they sense."]
     wanted = [named] if named in known else [name for name, package in known.items() if package == OWN]
     modules = [] if named in ("-V", "--version") else [installed_part("command", name) for name in wanted]
@@ -293,8 +308,6 @@ def _open_closed() -> None:
 def _name_unknown_settings() -> None:
     """A note on stderr for every variable of the environment that looks like a setting and is none."""
     for name in sorted(n for n in os.environ if n.startswith("SWATH_") and n not in SETTINGS):
-        from swath.documents.validation import near_miss
-
         hint = near_miss(name, SETTINGS) or f"; there are {', '.join(SETTINGS)}"
         print(f"swath: {shortened(name, 80)} in the environment is no setting{hint}", file=sys.stderr)
 

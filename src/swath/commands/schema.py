@@ -1,7 +1,6 @@
 """`swath schema`: JSON Schema of scenario and job files, for editors."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,8 @@ def write_schema(path: Path, of: str = "scenario") -> None:
 
 def schema_text(of: str = "scenario") -> str:
     """The JSON Schema of scenario files, or of job files."""
+    import json
+
     from swath.fleet.files import job_schema
     from swath.scenario.schema import scenario_schema
 

@@ -1,10 +1,10 @@
 """`swath sheets`: the bundled data sheets of sensors, machines and crops, to look at and to copy."""
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
+from swath.core.errors import near_miss
 from swath.terminal.options import option, verb
 from swath.terminal.tables import add_json, as_json, say, table
 
@@ -34,6 +34,8 @@ def run(args: argparse.Namespace) -> int:
     if args.words:
         name = _bundled_name(args.words[0])
         if args.json:
+            import json
+
             print(json.dumps(read_document(find_sheet(_kind_of(name), name)).data, indent=1))
             return 0
         print(find_sheet(_kind_of(name), name).read_text(encoding="utf-8"), end="")
@@ -109,7 +111,6 @@ def _bundled_name(name: str) -> str:
 def _kind_of(name: str) -> str:
     from swath.core.errors import InputError
     from swath.documents.data_sheets import sheet_names
-    from swath.documents.validation import near_miss
 
     kinds = {sheet: kind for kind in KINDS for sheet in sheet_names(kind)}
     if name not in kinds:

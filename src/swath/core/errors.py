@@ -2,7 +2,6 @@
 
 import errno
 import os
-import pickle
 import re
 from collections.abc import Iterable, Sequence
 from opcode import opmap
@@ -199,6 +198,14 @@ def _first_of(names: list[str], count: int, between: str = ", ", left: int = 0) 
     return f"{between.join(names[:count])} and {len(names) - count + left} more"
 
 
+def near_miss(value: Any, names: Iterable[str]) -> str:
+    """`, did you mean 'x'?` or nothing."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(str(value), list(names), n=1)
+    return f", did you mean {near[0]!r}?" if near else ""
+
+
 def _likeness(name: str, like: str) -> float:
     from difflib import SequenceMatcher
 
@@ -233,6 +240,8 @@ def _written(value: Any) -> str:
 
 
 def _can_be_pickled(value: Any) -> bool:
+    import pickle
+
     try:
         pickle.loads(pickle.dumps(value))
     except Exception:  # a value of any kind: how it refuses is its own affair

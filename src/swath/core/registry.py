@@ -13,7 +13,6 @@ the level is chosen; evaluators, readers of logs and commands come the same way)
 Levels that stand for somebody else's part (an FMU, a ROS 2 node, a log) may fill any slot of a machine.
 """
 
-import difflib
 import importlib
 import importlib.util
 import inspect
@@ -26,7 +25,7 @@ from importlib.metadata import Distribution, EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.core.foreign_code import USER_MODULE, is_left, load_python, refusal
 from swath.core.number_text import span
 
@@ -198,11 +197,9 @@ class Registry:
         if instead := self._gone.get(f"{kind}.{level}"):
             raise InputError(f"{kind}.level", level, f"expected another level: it is gone, {instead}")
         names = [*self.names(kind), *self.installed(kind), *(self.links() if linked else [])]
-        near = difflib.get_close_matches(level, names, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ""
         if level.endswith(".py"):
             raise InputError(f"{kind}.level", level, f"expected the class in it, too: {level}:MyClass")
-        expected = f"expected one of {', '.join(names)}, or file.py:Class{hint}"
+        expected = f"expected one of {', '.join(names)}, or file.py:Class{near_miss(level, names)}"
         raise InputError(f"{kind}.level", level, expected)
 
     def _packages(self, kind: str) -> Sequence[str]:

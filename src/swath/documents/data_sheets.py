@@ -16,9 +16,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
-from swath.core.errors import MIGRATED_BY, InputError, raise_all
+from swath.core.errors import MIGRATED_BY, InputError, near_miss, raise_all
 from swath.documents.sheet_fields import Entry, build, entries, model_of
-from swath.documents.validation import near_miss, validate
+from swath.documents.validation import validate
 from swath.documents.yaml_document import Document, KeyPath, key_path, read_mapping
 
 FORM = '{value: 4.7, tag: S, source: "the maker\'s manual"}'

@@ -17,7 +17,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from swath.core.errors import InputError, raise_all
+from swath.core.errors import InputError, near_miss, raise_all
 from swath.core.typed_numbers import list_form, number_form
 from swath.core.units import split_unit
 from swath.documents.yaml_document import Document, KeyPath, key_path
@@ -55,12 +55,6 @@ def unknown_key(key: str, known: Iterable[str], what: str = "unknown key", comma
     if 0 < len(names) <= 16:
         return f"{what}, expected one of {', '.join(names)}"
     return f"{what}, {command} lists them" if command else what
-
-
-def near_miss(value: Any, names: Iterable[str]) -> str:
-    """`, did you mean 'x'?` or nothing."""
-    near = difflib.get_close_matches(str(value), list(names), n=1)
-    return f", did you mean {near[0]!r}?" if near else ""
 
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)

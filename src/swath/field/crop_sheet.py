@@ -15,11 +15,10 @@ from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.core.foreign_code import load_python
 from swath.documents.data_sheets import Sheet, read_sheet, sheet_names
 from swath.documents.sheet_fields import Entry, entries
-from swath.documents.validation import near_miss
 from swath.field.crop import REFLECTANCE, Crop, Habit, Head, Organs, StemFacts, YieldFacts
 from swath.field.plants.parts import LeafFacts
 

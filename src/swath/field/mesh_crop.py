@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from swath.core.errors import raise_all
+from swath.core.errors import near_miss, raise_all
 from swath.core.portable import product
 from swath.core.units import CM
 from swath.documents.data_sheets import Sheet
 from swath.documents.sheet_fields import Key
-from swath.documents.validation import STRICT, near_miss
+from swath.documents.validation import STRICT
 from swath.field.memory_layout import Organ
 from swath.field.mesh_file import UNITS, UP, MeshPart, base_middle, file_up, read_mesh
 

@@ -22,10 +22,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.core.number_text import num
 from swath.documents.data_sheets import find_sheet, sheet_names
-from swath.documents.validation import checked, near_miss
+from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, read_mapping
 from swath.scenario.overrides import change_of, put
 from swath.scenario.section_reader import NAME

@@ -10,10 +10,9 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.documents.data_sheets import Sheet, read_sheet, sheet_folder, sheet_names
 from swath.documents.sheet_fields import Quantity, Section
-from swath.documents.validation import near_miss
 from swath.machine.drivetrain_sheet import Drivetrain, check_drivetrain
 from swath.scenario.machine_types import MACHINE_TYPES
 from swath.signals.settings import Works

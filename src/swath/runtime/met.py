@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import Meets
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.core.signal import Signal
 from swath.core.units import KPA, PERCENT
-from swath.documents.validation import near_miss
 from swath.field.field import Field
 from swath.field.field_setup import HasRoughness
 from swath.field.weather import GREEN, extinction

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from swath.core.errors import InputError, SwathError
+from swath.core.errors import InputError, SwathError, near_miss
 from swath.core.registry import installed
-from swath.documents.validation import near_miss, unknown_key
+from swath.documents.validation import unknown_key
 from swath.documents.yaml_document import KeyPath
 from swath.scenario.resolved import Expectation, MachineSection
 from swath.scenario.section_reader import SectionReader

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.documents.data_sheets import find_sheet
-from swath.documents.validation import as_name, known_keys, near_miss, unknown_key
+from swath.documents.validation import as_name, known_keys, unknown_key
 from swath.documents.yaml_document import Document, KeyPath, read_document
 from swath.scenario.expectations import read_evaluators, read_expect
 from swath.scenario.machine_types import BY_LEVEL, BY_SECTION, slots_of

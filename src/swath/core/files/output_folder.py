@@ -5,7 +5,6 @@ leaves that file and half files, `NAME.part`; whoever comes next takes them for 
 with the process.
 """
 
-import json
 import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
@@ -58,7 +57,7 @@ def held(
         file = _locked(path)
         try:
             os.ftruncate(file, 0)
-            os.write(file, json.dumps({"what": what, "pid": os.getpid()}).encode())
+            os.write(file, f"{os.getpid()} {what}".encode())
             for part in path.glob(f"*{PART}"):
                 if is_own(part.name, own):
                     remove(part)
@@ -115,6 +114,6 @@ def _who(file: int) -> str:
     """Who holds a lock, in words."""
     with suppress(OSError, ValueError, TypeError, KeyError):
         os.lseek(file, 0, os.SEEK_SET)
-        by = json.loads(os.read(file, 1000))
-        return f"process {int(by['pid'])} ({by['what']})"
+        pid, _, what = os.read(file, 1000).decode().partition(" ")
+        return f"process {int(pid)} ({what})"
     return "another process"

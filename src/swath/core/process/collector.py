@@ -1,7 +1,6 @@
 """How often Python looks for circles of references, in a process that swath has for itself; free memory."""
 
 import atexit
-import ctypes
 import gc
 import sys
 from collections.abc import Iterator
@@ -32,6 +31,8 @@ def collected_rarely() -> Iterator[None]:
 def give_back() -> None:
     """Free memory goes back to the system, which the C library of Linux does not always do by itself."""
     if sys.platform == "linux":
+        import ctypes
+
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # musl has none
         if trim is not None:
             trim(0)

@@ -3,11 +3,13 @@ working folder, where somebody may have put a `numpy.py`.
 """
 
 import os
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from subprocess import Popen
 
 SAFE_PATH = "PYTHONSAFEPATH"
 OURS = "swath"  # its value, of processes that are started inside `safe_path`
@@ -49,11 +51,13 @@ def skip_folder_settings() -> None:
 
 def start_module(
     name: str, *words: str, environment: Mapping[str, str] | None = None, **options: Any
-) -> "subprocess.Popen[bytes]":
+) -> "Popen[bytes]":
     """Start `python -m NAME WORDS`, which finds what this process finds.
 
     environment: variables besides those of this process; options: of Popen
     """
+    from subprocess import Popen
+
     import swath
 
     root = os.path.dirname(os.path.dirname(swath.__file__))
@@ -62,7 +66,7 @@ def start_module(
         installed = [path for path in sys.path if os.path.basename(path).endswith("-packages")]
     path = os.pathsep.join([root, *installed, *filter(None, [os.environ.get("PYTHONPATH")])])
     variables = {**os.environ, **(environment or {}), "PYTHONPATH": path}
-    return subprocess.Popen([python, "-P", "-m", name, *words], env=variables, **options)
+    return Popen([python, "-P", "-m", name, *words], env=variables, **options)
 
 
 def interpreter() -> str:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from swath.core.component import Port
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.core.layout import Field
-from swath.documents.validation import near_miss
 from swath.link.fmi.description import Description, Variable
 from swath.link.fmi.units import Scale, Unit, describe, parse_unit, scale
 from swath.signals.flat import amounts, flat_fields

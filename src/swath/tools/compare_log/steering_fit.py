@@ -17,13 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import Extra, InputError
+from swath.core.errors import Extra, InputError, near_miss
 from swath.core.number_text import num
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG, rounded, split_unit
 from swath.documents.data_sheets import Sheet
-from swath.documents.validation import near_miss
 from swath.field_io.logs.steer_log import SteerLog, read_steer_log
 from swath.judge.evaluator import rms
 from swath.machine.machine_sheet import MachineSheet, open_machine, read_machine

@@ -19,10 +19,10 @@ import numpy as np
 from pydantic import Field
 
 from swath.core import foreign_code
-from swath.core.errors import InputError
+from swath.core.errors import InputError, near_miss
 from swath.core.process.shell import command
 from swath.core.random import Stream
-from swath.documents.validation import checked, near_miss
+from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, read_mapping
 from swath.runtime.met import check_quantities
 from swath.scenario.overrides import layered

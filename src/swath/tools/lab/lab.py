@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, check_once, check_within
+from swath.core.errors import InputError, check_once, check_within, near_miss
 from swath.core.files.temporary import TemporaryFolder
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.core.schedule import NS
 from swath.core.units import DEG
-from swath.documents.validation import checked, known_keys, near_miss, unknown_key
+from swath.documents.validation import checked, known_keys, unknown_key
 from swath.documents.yaml_document import Document
 from swath.field.crop_sheet import load_crop
 from swath.field.field import Field

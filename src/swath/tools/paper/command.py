@@ -5,7 +5,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from subprocess import DEVNULL
 from typing import Any
 
 from swath.core.process.processes import start_module
@@ -102,6 +101,8 @@ def add(parsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the commands, write the page."""
+    from subprocess import DEVNULL
+
     from swath.core.files.place import own_folder
     from swath.terminal.progress import steps
 

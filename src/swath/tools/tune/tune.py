@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from swath.core.errors import InputError, raise_all
+from swath.core.errors import InputError, near_miss, raise_all
 from swath.core.files.whole_file import write_whole
 from swath.core.random import Stream
-from swath.documents.validation import near_miss
 from swath.documents.yaml_document import dump
 from swath.runtime.workers import workers_kept
 from swath.signals import F64

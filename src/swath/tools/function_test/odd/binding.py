@@ -17,8 +17,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from swath.core.errors import InputError
-from swath.documents.validation import checked, near_miss
+from swath.core.errors import InputError, near_miss
+from swath.documents.validation import checked
 from swath.documents.yaml_document import Document, dump, read_document
 from swath.runtime.met import QUANTITIES, check_quantities
 from swath.signals import F64
