@@ -334,7 +334,7 @@ class Trail:
     address: where that of the samples begins
     spare: memories of earlier trails of this output
     is_fixed: whether compiled code reads the memories, so that they must not move
-    data: the samples as bytes, (samples, worlds, size), once somebody has made them
+    columns: what lays out the bytes of the samples, once somebody has made it
     """
 
     def __init__(
@@ -349,7 +349,7 @@ class Trail:
         self.head = np.zeros(HEAD, np.int64) if head is None else head
         self.head[COUNT] = 0
         self.is_fixed = False
-        self.data: NDArray[np.uint8] | None = None
+        self.columns: Any = None
         self.memory: NDArray[Any]
         self.times: Ints
         self.stamps: Ints

@@ -18,7 +18,7 @@ import numpy as np
 
 from swath.core.blocks import Block, Seen, no_look
 from swath.core.frames import Pose
-from swath.core.rows import Spare, Trail
+from swath.core.rows import Trail
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
@@ -76,13 +76,12 @@ class Digest:
             for k, t in enumerate(block.times.tolist()):
                 chain.add(sample_bytes(slot, output, t, block.sample(k)))
             return
-        if trail.data is None:  # of all worlds at once, for whoever comes first
+        if trail.columns is None:  # one for all worlds, of whoever comes first
             columns = self._columns.get((slot, output))
             if columns is None or not columns.fits(trail):
                 columns = self._columns[slot, output] = Columns(trail)
-            trail.data = columns.bytes_of(trail)
-        own = trail.data[:, block.world]
-        chain.add(own.data if own.flags.c_contiguous else own.tobytes())
+            trail.columns = columns
+        chain.add(trail.columns.bytes_of(trail, block.world).data)
 
     @property
     def hex(self) -> str:
@@ -118,14 +117,14 @@ def _head(slot: str, output: str, kind: Any) -> bytes:
 
 
 class Columns:
-    """The bytes of the samples of an output in many worlds, as `sample_bytes` has them. size: of one."""
+    """Lays out the bytes of the samples of an output in a world as `sample_bytes`. size: of one."""
 
     def __init__(self, trail: Trail) -> None:
         from swath.record import digest_kernel as kernel
 
         first, self._alike = Block(trail, 0).sample(0), trail.row.alike
-        self._form = trail.row.kind, trail.row.memory.dtype
-        dtype, row = trail.row.memory.dtype, bytearray(_head(*trail.wire, trail.row.kind))
+        self._form = trail.row.kind, trail.row.memory.dtype, trail.row.memory.shape
+        stride, row = trail.row.memory.nbytes, bytearray(_head(*trail.wire, trail.row.kind))
         table, offsets = [[0, 8, len(row), 8, kernel.COPIED]], [0]
         row += bytes(8)
         for name in [f.name for f in fields(trail.row.kind)]:
@@ -136,7 +135,7 @@ class Columns:
                     count, how = int(np.prod(shape)), _kind(number)
                     size = count * number.itemsize
                     length = size if how == kernel.COPIED else count
-                    table.append([0, dtype.itemsize, len(row), length, how])
+                    table.append([0, stride, len(row), length, how])
                     offsets.append(trail.row.offset(name) + begin * number.itemsize)
                     row += bytes(size) + after
             elif name == "t":
@@ -151,27 +150,28 @@ class Columns:
         head = [self._row.ctypes.data, self.size, 0, self.size, 0, len(table)]
         self._job = np.array([*head, *(v for line in table for v in line)], np.int64)
         self._table = self._job[len(head) :].reshape(-1, 5)
-        self._spare = Spare()
+        self._rows = np.empty(0, np.uint8)
         self._launch = repeatable(kernel.lay_rows, [shared(self._job)]).launch
 
     def fits(self, trail: Trail) -> bool:
         """Whether the samples have the same form."""
         alike = trail.row.alike
         is_alike = len(alike) == len(self._alike) and all(self._alike.get(n) is v for n, v in alike.items())
-        return is_alike and (trail.row.kind, trail.row.memory.dtype) == self._form
+        form = trail.row.kind, trail.row.memory.dtype, trail.row.memory.shape
+        return is_alike and form == self._form
 
-    def bytes_of(self, trail: Trail) -> np.ndarray:
-        """(samples, worlds, size) uint8."""
-        count, worlds = trail.count, len(trail.row.memory)
-        rows = self._spare.empty((count, worlds, self.size), np.dtype(np.uint8))
-        times, stamps = trail.times[:count].repeat(worlds), trail.stamps[:count].repeat(worlds)
-        self._table[:, 0] = self._offsets + trail.address
-        self._table[0, 0] = _address(times)
-        if not trail.row.is_held:
-            self._table[1, 0] = _address(stamps)
-        self._job[2], self._job[4] = _address(rows), count * worlds
+    def bytes_of(self, trail: Trail, world: int) -> np.ndarray:
+        """Those of one world, (samples * size,) uint8; the next call overwrites them."""
+        count, row = trail.count, trail.row
+        if len(self._rows) < count * self.size:
+            self._rows = np.empty(count * self.size, np.uint8)
+        self._table[:, 0] = self._offsets + trail.address + world * row.memory.dtype.itemsize
+        self._table[0, 0] = _address(trail.times)
+        if not row.is_held:
+            self._table[1, 0] = _address(trail.stamps)
+        self._job[2], self._job[4] = _address(self._rows), count
         self._launch()
-        return rows
+        return self._rows[: count * self.size]
 
 
 def _address(array: np.ndarray) -> int:

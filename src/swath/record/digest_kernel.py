@@ -1,4 +1,4 @@
-"""The bytes of the samples of many worlds, laid side by side: `digest.Columns` as a kernel."""
+"""The bytes of the samples of an output, one after another: `digest.Columns` as a kernel."""
 
 import warp as wp
 
@@ -45,7 +45,7 @@ def put_rows(job: wp.array(dtype=wp.int64)): ...
 @wp.kernel
 def lay_rows(job: wp.array(dtype=wp.int64)):
     """job: address and length of the bytes that are alike, address of the first row, bytes to the next, rows,
-    fields; of each field: address in the first world (`ALIKE`: the number itself), bytes to the next world,
+    fields; of each field: address in the first sample (`ALIKE`: the number itself), bytes to the next,
     place in the row, how many (bytes where `COPIED`), kind.
     """
     put_rows(job)
