@@ -18,6 +18,7 @@ from swath.signals import MachineState
 
 BEAT = NS // 4  # simulated time between looks of observers and progress reports [ns]
 LONG_BEAT = 2 * NS  # the same of worlds in step, at which nobody looks meanwhile
+MOST_WAITING = 64 * NS  # simulated time of all worlds together for which samples are held at most (estimated)
 
 Progress = Callable[[float, float], None]
 
@@ -87,7 +88,7 @@ def advance(
 ) -> Iterator[list[int]]:
     """Step worlds to a time [ns]; gives those that end, as they do (`Lockstep.advance`)."""
     goal = _arrival(worlds)
-    longest = BEAT if len(worlds) == 1 else LONG_BEAT
+    longest = BEAT if len(worlds) == 1 else max(BEAT, min(LONG_BEAT, MOST_WAITING // len(worlds)))
     while lockstep.t < until and lockstep.going:
         observers = (observer for world in worlds for observer in world.graph.observers)
         beat = min([longest, *(getattr(observer, "beat", longest) for observer in observers)])
