@@ -63,14 +63,14 @@ def test_ground_and_stand_of_its_columns(seed):
         p.lay(int(stations))
     for name in ("z", "slope_x", "slope_y"):
         np.testing.assert_array_equal(getattr(p, name), getattr(whole, name), strict=True)
-    k = np.arange(65, 120)
+    k, stand = np.arange(65, 120), p.stand()
     for column in range(p.z.shape[1]):
         left = COLUMN * (column - p.z.shape[1] // 2)
         u, v = p.x[k] - left * p.sine[k], p.y[k] + left * p.cosine[k]
         x, y = field.maker.to_world(u, v)
         plane = p.z[k, column] + p.slope_x[k, column] * (u - p.x[k]) + p.slope_y[k, column] * (v - p.y[k])
         np.testing.assert_allclose(plane, field.terrain.height(x, y), atol=2e-3)
-        np.testing.assert_allclose(p.stand[k, column, 3], field.stand.density(x, y), rtol=1e-6)
+        np.testing.assert_allclose(stand[k, column, 3], field.stand.density(x, y), rtol=1e-6)
 
 
 @pytest.mark.parametrize(

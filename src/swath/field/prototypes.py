@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,7 +152,12 @@ class PlacedPlants:
     """
 
     def __init__(
-        self, draw: Callable[[], Plants], xy: Array, tile: Ints, size: float, counts: tuple[int, int, int]
+        self,
+        draw: Callable[[], Plants],
+        xy: NDArray[np.float32],
+        tile: Ints,
+        size: float,
+        counts: tuple[int, int, int],
     ) -> None:
         self._draw, self._xy, self._tile, self._size, self._counts = draw, xy, tile, size, counts
 
@@ -170,7 +175,7 @@ class PlacedPlants:
 
     def _pieces(self) -> _Pieces:
         """Tile by tile, cell by cell."""
-        pieces = _copies(self._plants, self._xy, self._tile, self._size)
+        pieces = _copies(self._plants, self._xy.astype(np.float64), self._tile, self._size)
         return pieces.take(self._index.order(pieces))
 
     @cached_property
@@ -327,10 +332,9 @@ def make_library(
     if weeds is not None:
         plants, xy, rank, tile = _with_weeds(plants, xy, rank, tile, weeds, tile_count, size, seed)
 
-    def drawn() -> Plants:
-        return make_plants(crop, count, deepcopy(own), how) if is_light else plants
-
-    placed = PlacedPlants(drawn, xy, tile, size, (tile_count, columns, bins))
+    stem_xy = xy.astype(np.float32)  # exact, see `_places`
+    drawn = partial(make_plants, crop, count, own, how) if is_light else lambda: plants  # holds no light ones
+    placed = PlacedPlants(drawn, stem_xy, tile, size, (tile_count, columns, bins))
     reflectance = np.zeros(len(Organ), np.float32)
     for name, value in crop.reflectance.items():
         reflectance[Organ[name.upper()]] = value
@@ -344,7 +348,7 @@ def make_library(
         density_max=density_max,
         row_spacing=row_spacing,
         stem_start=np.concatenate([[0], np.cumsum(np.bincount(tile, minlength=tile_count))]).astype(np.int32),
-        stem_xy=xy.astype(np.float32),
+        stem_xy=stem_xy,
         stem_rank=rank.astype(np.float32),
         stem_height=plants.height.astype(np.float32),
         ear_height=_ear_heights(plants),

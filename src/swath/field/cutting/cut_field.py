@@ -182,14 +182,14 @@ class Cutter:
 
         stems, library = self.stems, self.stems.library
         bodies = {
-            "rank": stems.rank,
-            "height": stems.height,
+            "rank": library.stem_rank,
+            "height": library.stem_height,
             "ear": stems.ear_height,
             "grain": library.grain_kg,
             "straw": library.straw_kg,
             "crop": stems.is_crop,
         }
-        rows: NDArray[Any] = np.zeros(len(stems.rank), STEM)
+        rows: NDArray[Any] = np.zeros(len(library.stem_rank), STEM)
         for name, column in bodies.items():
             rows[name] = column
         first, at = stems.by_cell()

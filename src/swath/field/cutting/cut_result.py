@@ -61,8 +61,6 @@ class StemIndex:
         self.straw_exponent = straw_exponent
         self.ear_height = library.ear_height
         self.is_crop = ~library.is_weed
-        self.rank = library.stem_rank.astype(np.float64)
-        self.height = library.stem_height.astype(np.float64)
 
     def by_cell(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """For each cell its first row, and where the last one ends; rows, cell by cell: stem, column in the

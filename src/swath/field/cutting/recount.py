@@ -50,7 +50,7 @@ class _Counter:
         library, self._cell = stems.library, tile_size / TILE_CELLS
         columns = (
             (library.stem_start, np.int32), (library.stem_xy, np.float32), (library.stem_rank, np.float32),
-            (stems.height, np.float64), (stems.ear_height, np.float64), (library.grain_kg, np.float64),
+            (library.stem_height, np.float64), (stems.ear_height, np.float64), (library.grain_kg, np.float64),
             (library.straw_kg, np.float64), (stems.is_crop, np.uint8),
         )  # fmt: skip
         self._kept = [np.ascontiguousarray(column, dtype) for column, dtype in columns]

@@ -37,8 +37,7 @@ class Profile(KeepsState):
     """The profile of a field along an edge. field: a `field.Field`.
 
     s0: of the first station [m]; x, y: stations in the stand frame, (n,); cosine, sine, curvature [1/m] of
-    the line. Of columns, (n, COLUMNS): z of their plane at the station, its slope_x, slope_y, after `lay`;
-    stand: (..., 4) scale and lean of the plants, stems per m2
+    the line. Of columns, (n, COLUMNS): z of their plane at the station, its slope_x, slope_y, after `lay`
     reach: crop grows from there inwards [m], inf = nowhere; near, far: it is cut between [m]; inner: code of
     what is there instead of crop inside of the line, outer: outside; cut_code: of what the header leaves
     straw_kg: laid on the ground
@@ -79,9 +78,14 @@ class Profile(KeepsState):
         self.z = np.zeros((len(s), COLUMNS))
         self.slope_x, self.slope_y = np.zeros((2, len(s), COLUMNS), np.float32)
         left: Array = COLUMN * np.arange(-(COLUMNS // 2), COLUMNS // 2 + 1, dtype=np.float64)
-        self.stand = np.ascontiguousarray(field.maker.stand_at(*_beside(at, heading, left)))
-        self.stand[..., 3] *= field.library.density_max
         self._inside = left if self.is_left else -left
+
+    def stand(self) -> Array:
+        """Scale and lean of the plants, stems per m2, (n, COLUMNS, 4); looked up twice, not kept."""
+        left = self._inside if self.is_left else -self._inside
+        found = np.ascontiguousarray(self.field.maker.stand_at(*_beside(*self._line, left)))
+        found[..., 3] *= self.field.library.density_max
+        return found
 
     def lay(self, stations: int) -> None:
         """Know the ground of at least the first so many stations."""
@@ -159,7 +163,7 @@ class Profile(KeepsState):
         grain, straw = library.grain_kg[crop], library.straw_kg[crop]
         tall, ear = library.stem_height[crop].astype(np.float64), np.asarray(library.ear_height)[crop]
         columns = np.flatnonzero((self._inside > -0.5 * COLUMN) & (self._inside < width))
-        stand = self.stand[:, columns]
+        stand = self.stand()[:, columns]
         scales = np.unique(stand[..., 0])
         if len(scales) > SCALES:
             scales = np.linspace(scales[0], scales[-1], SCALES)
@@ -251,7 +255,7 @@ class Profile(KeepsState):
             }
             self.near, self.far = held["near"], held["far"]
             held |= {name: held[name].ravel() for name in ("z", "slope_x", "slope_y")}
-            held["stand"] = self.stand.reshape(-1, 4).astype(np.float32)
+            held["stand"] = self.stand().reshape(-1, 4).astype(np.float32)
             turn = self.field.to_stand([1.0, 0.0], [0.0, 1.0])
             self._struct = filled(
                 Struct,

@@ -38,7 +38,7 @@ N0 = 0.1  # reference wave number of ISO 8608 [cycles/m]
 ROUGHNESS_BAND = (0.05, 4.0)  # wave numbers in the surface [cycles/m]
 WAVE_COUNT = 256
 FEW = 20_000  # products that need no compiled sum
-KEPT, LINE = 32, 65  # lines of a lattice in memory, a quarter of a MB each; of up to so many nodes, a page's
+KEPT, LINE = 16, 65  # lines of a lattice in memory, a quarter of a MB each; of up to so many nodes, a page's
 GOLDEN = 0.5 * (sqrt(5.0) - 1.0)
 
 
