@@ -124,11 +124,11 @@ def of_a_second(
 
 
 def of_start(words: Sequence[str]) -> dict[str, float]:
-    """What a command line takes from the import on; how many packages are installed does not count."""
-    with Counting({}) as counting, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+    """What a command line takes from the import on; installed packages and old folders do not count."""
+    with tempfile.TemporaryDirectory() as tempfile.tempdir, Counting({}) as counting:
         from swath.commands.main import main
 
-        with suppress(SystemExit):
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()), suppress(SystemExit):
             main(words)
     ours = [n for file, n in counting.bytecodes.items() if SOURCE in Path(file).parents or "argparse" in file]
     return {BYTECODES: sum(ours), MODULES: sum(name.partition(".")[0] == "swath" for name in sys.modules)}
