@@ -35,7 +35,8 @@ class Parts:
         def counted(*args: Any, **more: Any) -> Any:
             return call(function, args, more)
 
-        setattr(owner, attribute, counted)
+        is_bound = getattr(function, "__self__", None) is owner
+        setattr(owner, attribute, staticmethod(counted) if is_bound else counted)
 
     def count_counting(self) -> None:
         """Call what does nothing, while Callgrind counts: so much is too much for every call in a part."""

@@ -55,8 +55,8 @@ def inside(options: argparse.Namespace) -> None:
         more = {name: evaluation.columns(name) for name in machines}
         out = Path(tempfile.mkdtemp())
         observers.append(Recorder(out, list(machines.values()), extra=more, detail=options.record))
-    parts = None if options.places is None else count_parts(world, evaluation, observers)
     drive(world, observers, until_s=SETTLE_S)
+    parts = None if options.places is None else count_parts(world, evaluation, observers)
     count("on", options)
     drive(world, observers, until_s=SETTLE_S + options.seconds, resume=True)
     if parts is not None:
@@ -68,22 +68,34 @@ def inside(options: argparse.Namespace) -> None:
 
 
 def count_parts(world: Any, evaluation: Any, observers: Sequence[Any]) -> Parts:
-    """From now on components and observers are counted one by one."""
+    """From now on compiled steps, what Python does for slots, and observers are counted one by one."""
+    from swath.core.ops import Op, Program
     from swath.record.mcap_file import Container
     from swath.record.messenger import Messenger
     from swath.record.samples import Blocks
     from swath.record.tracks import Tracks
 
     parts = Parts()
-    for node in world.graph.nodes:
-        parts.count(node.component, "step", node.slot.name)
+    lockstep = world.graph.lockstep
+    parts.count(Program, "go_on", "compiled steps")
+    for rank in vars(lockstep)["_ranks"]:
+        stepped = rank.batch or rank.parts[0]
+        parts.count(stepped, "supply" if isinstance(stepped, Op) else "step", rank.name)
     for evaluator in chain.from_iterable(vars(evaluation)["_of"].values()):
-        parts.count(evaluator, "see", f"Evaluation{WITHIN}{type(evaluator).__name__}")
+        name = type(evaluator).__name__
+        if hasattr(evaluator, "take"):
+            parts.count(evaluator, "take", f"Evaluation{WITHIN}{name}")
+        if hasattr(type(evaluator), "see_all"):
+            parts.count(type(evaluator), "see_all", f"{name} at its time")
+        elif hasattr(evaluator, "see_live"):
+            parts.count(evaluator, "see_live", f"{name} at its time")
+    lockstep.connect()  # those that were asked before are asked anew
     for observer in observers:
-        parts.count(type(observer), "__call__", type(observer).__name__)
+        parts.count(type(observer), "take", type(observer).__name__)
     for owner, method, what in (
         (Messenger, "write", "messages"),
-        (Blocks, "add", "exact samples"),
+        (Messenger, "rows", "messages of many samples"),
+        (Blocks, "take", "exact samples"),
         (Blocks, "flush", "blocks of them"),
         (Tracks, "take", "tracks"),
         (Container, "flush", "chunks, counted above, too"),
