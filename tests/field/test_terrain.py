@@ -1,5 +1,8 @@
 """Terrain levels: values, spectra, exact borders, maps."""
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -95,6 +98,30 @@ def test_compiled_sums_have_the_bits_of_einsum(rows, columns, waves):
     for k in range(waves):
         wanted += along[:, k, None] * across[k]
     assert np.array_equal(sum_products(along, across), wanted)
+
+
+def test_threads_that_sum_at_once_have_their_own_sums():
+    """What each thread adds up is its own, however they take turns."""
+    draws, wrong = [np.random.default_rng(seed) for seed in range(4)], []
+
+    def add_up(draw):
+        for _ in range(1000):
+            m, k, n = (int(v) for v in draw.integers(4, 20, 3))
+            along, across = draw.normal(size=(m, k)), draw.normal(size=(k, n))
+            if not np.array_equal(sum_products(along, across), np.einsum("vk,ku->vu", along, across)):
+                wrong.append((m, k, n))
+
+    threads = [threading.Thread(target=add_up, args=(draw,)) for draw in draws]
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert not wrong
 
 
 def test_ground_height_is_the_lattice():

@@ -1,12 +1,13 @@
 """Sums of waves at the crossings of a lattice, compiled: as `einsum` adds them, in the same order."""
 
-from functools import cache
+import threading
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from swath.kernels import repeatable
+from swath.kernels import repeatable, shared
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
@@ -53,17 +54,22 @@ def sum_waves(job: wp.array(dtype=wp.int64)):
     sum_tiles(job)
 
 
-@cache
-def _launch() -> tuple[np.ndarray, Any]:
-    """The job, and the launch that does it."""
-    job = np.zeros(6, np.int64)
-    return job, repeatable(sum_waves, [wp.array(job, dtype=wp.int64, device="cpu", copy=False)])
+class _Launches(threading.local):
+    """The compiled kernel with its job; every thread has its own."""
+
+    @cached_property
+    def sum(self) -> tuple[np.ndarray, Any]:
+        job = np.zeros(6, np.int64)
+        return job, repeatable(sum_waves, [shared(job)])
+
+
+_LAUNCHES = _Launches()
 
 
 def sum_products(along: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Sum over k of along[v, k] * across[k, u], shapes (m, n) and (n, l), contiguous."""
     sums = np.empty((len(along), across.shape[1]))
-    job, launch = _launch()
+    job, launch = _LAUNCHES.sum
     job[:] = along.ctypes.data, across.ctypes.data, sums.ctypes.data, *sums.shape, len(across)
     launch.launch()
     return sums
