@@ -62,7 +62,7 @@ def test_an_evaluator_that_cannot_work_is_refused(tmp_path):
         "from swath.judge.evaluators.driving import Driving\n\n\nclass Twice(Driving):\n    pass\n"
     )
     for name, what in (
-        ("Bare", "has no METRICS, OF_FIELD"),
+        ("Bare", "; expected a class as in examples/my_evaluator.py"),
         ("Twice", "distance_m exists"),
         ("No", "has no No"),
     ):
