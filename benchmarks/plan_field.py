@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 
 from swath.core.foreign_code import allow_code
-from swath.rays.bodies import BodyCaster
 from swath.sensing.lidar import empirical
 from swath.tools.function_test.case import Point, read_case
 from swath.tools.function_test.field_plan.plan import Condition, choose, draw, spread, value_of
@@ -75,11 +74,7 @@ class Wrong(empirical.EmpiricalLidar):
         super().begin(stream)
         stand = self.setup.field.stand
         if stand.crop == "wheat" and float(stand.density(20.0, 8.0)) > WHEAT_FROM:
-            beam = {**self.beam, "crop_height": float(os.environ[SHRINK]) * self.beam["crop_height"]}
-            lines = self.scanner.line_count
-            self.caster = BodyCaster(
-                self.setup.field, self.table, self.rays.beams, self.apart, line_count=lines, **beam
-            )
+            self.beam = {**self.beam, "crop_height": float(os.environ[SHRINK]) * self.beam["crop_height"]}
 
 
 def is_wrong(point: Point) -> bool:

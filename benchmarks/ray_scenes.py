@@ -96,7 +96,6 @@ def make_scene(
         cut_slot=np.where(mixed, rows, -1 - code[:, 0, 0].astype(int)).astype(np.int32),
         cut=np.ascontiguousarray(code[mixed].repeat(cells, 1).repeat(cells, 2)),
         tile_bump=bump.astype(np.float32),
-        revision=1,
     )
     return Scene(pages, library, state)
 

@@ -85,14 +85,19 @@ class Compiled(ABC):
                 row.take(inputs[name])
         for name, trail in self.heard.items():
             trail.lay(inputs[name] or ())
-        for stage, launch in enumerate(self._launches or ()):
-            launch.launch()
-            if self.needs[0]:
-                self.needs[0] = 0
-                self.supply(stage)
+        self.go()
         for trail in self.heard.values():
             trail.clear()
         return self.sent_at(t + dt)
+
+    def go(self, first: int = 0) -> None:
+        """The launches from one on, with what they need."""
+        for stage, launch in enumerate(self._launches or ()):
+            if stage >= first:
+                launch.launch()
+            if self.needs[0]:
+                self.needs[0] = 0
+                self.supply(stage)
 
     def column(self, port: str, name: str, otherwise: float = np.nan) -> Any:
         """A field of what is read, for a kernel; its default where it is not sent.

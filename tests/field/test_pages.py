@@ -10,7 +10,7 @@ from swath.core.errors import InputError
 from swath.field.edges.edge import CurveEdge, GapParams, StraightEdge, TeethParams, make_edge
 from swath.field.field import make_field
 from swath.field.maps.raster import Raster
-from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING
+from swath.field.memory_layout import DROPPED, MIRROR_X, MIRROR_Y, REVISION, STANDING
 from swath.field.stand import maps, uniform
 from swath.field.terrain import dem, formula, plane
 from tests.field.made_field import CROP, SETUP, STREAM, library, made_field, rectangle
@@ -45,11 +45,11 @@ def test_pages_within_the_radius_are_there_and_the_table_finds_them():
 def test_nothing_changes_when_everything_needed_is_there():
     field = made_field(terrain=ROUGH)
     field.ensure(0.0, 0.0, 30.0)
-    before, arrays = field.pages.revision, [id(field.pages.ground), id(field.pages.table)]
+    before, arrays = int(field.pages.counters[REVISION]), [id(field.pages.ground), id(field.pages.table)]
     field.ensure(0.0, 0.0, 30.0)
     field.standing([1.0, 2.0], [3.0, 4.0])
     field.ground_height(5.0, 5.0)
-    assert field.pages.revision == before
+    assert field.pages.counters[REVISION] == before
     assert arrays == [id(field.pages.ground), id(field.pages.table)]
 
 
@@ -335,11 +335,11 @@ def test_memory_does_not_grow_with_the_way():
 
     tracemalloc.start()
     mow(0, 100)
-    held, left = tracemalloc.get_traced_memory()[0], field.store.dropped
+    held, left = tracemalloc.get_traced_memory()[0], int(field.store.counters[DROPPED])
     mow(100, 200)
     grown = tracemalloc.get_traced_memory()[0] - held
     tracemalloc.stop()
-    assert field.store.dropped - left > 80
+    assert int(field.store.counters[DROPPED]) - left > 80
     assert grown < 150_000  # bytes of 400 m; all that was done to the pages takes three times as much
     assert field.straw_kg == pytest.approx(sum(straw), rel=1e-9)
     again = made_field(page_limit=24)

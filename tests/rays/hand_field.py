@@ -75,7 +75,6 @@ def make_pages(
         cut_slot=np.full(count, -1 - code, np.int32),
         cut=np.zeros((1, PAGE_CUT_CELLS, PAGE_CUT_CELLS), np.uint8),
         tile_bump=np.zeros(shape, np.float32),
-        revision=1,
     )
     set_bumps(result, size)
     return result

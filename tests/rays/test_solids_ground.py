@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swath.core.errors import SwathError
-from swath.field.memory_layout import Organ, Solids
+from swath.field.memory_layout import REVISION, Organ, Solids
 from swath.rays.device import start_warp, thread_count
 from swath.rays.engine import RayCaster
 from tests.rays.hand_field import HandField, make_pages, small_library
@@ -140,11 +140,11 @@ def test_changes_of_the_field_are_seen():
     before = caster.cast(o, d, range_max=5)
     assert (before.organ != Organ.GROUND).sum() > 50
     pages.cut_slot[:] = -1  # bare, in place
-    pages.revision += 1
+    pages.counters[REVISION] += 1
     assert (caster.cast(o, d, range_max=5).organ == Organ.GROUND).all()
     pages.ground = np.repeat(pages.ground, 2, axis=0) + np.float32(0.5)  # the pool was reallocated
     pages.tile_plane[..., 0] += 0.5
-    pages.revision += 1
+    pages.counters[REVISION] += 1
     np.testing.assert_allclose(caster.cast(o, d, range_max=5).distance, 1.5, atol=1e-6)
 
 
@@ -214,7 +214,7 @@ def test_cuda_gives_the_same_ranges():
     assert caster.device == "cuda:0"
     for code in (255, 15):
         field.pages.cut_slot[:] = -1 - code
-        field.pages.revision += 1
+        field.pages.counters[REVISION] += 1
         here, there = (c.cast(o, d, range_max=20) for c in (RayCaster(field, threads=1), caster))
         agree = np.abs(here.distance - there.distance) < 1e-4
         assert (agree | (np.isnan(here.distance) & np.isnan(there.distance))).mean() > 0.999

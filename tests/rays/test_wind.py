@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swath.field.memory_layout import Organ
+from swath.field.memory_layout import REVISION, Organ
 from swath.field.paging.height_bounds import update_tops
 from swath.field.stand import uniform
 from swath.field.wind import Sway, Wind, make_sway
@@ -184,7 +184,7 @@ def test_no_ray_misses_crop_that_leans_over_a_bare_tile():
     update_tops(field.store, field.library, keys)
     too_near = cast()
     field.pages.tile_top[:] = 2.0 * field.library.height_max
-    field.pages.revision += 1
+    field.pages.counters[REVISION] += 1
     everywhere = cast()
     np.testing.assert_array_equal(with_tops, everywhere)
     assert np.sum(too_near != everywhere) > 10

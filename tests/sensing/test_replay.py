@@ -19,9 +19,9 @@ from swath.record.digest import Digest
 from swath.runtime.assembly import assemble
 from swath.runtime.loop import drive as run
 from swath.scenario.scenario import parse_scenario
-from swath.sensing.lidar.replay import Params, ReplayLidar, scan_seed
+from swath.sensing.lidar.replay import Params, ReplayLidar
 from swath.tools.height_map.build import build_height_map
-from tests.rays.height_rays import cast_beams, cast_heights
+from tests.rays.height_rays import cast_heights
 from tests.sensing.replay_rig import (
     SHARES,
     TEXT,
@@ -198,30 +198,6 @@ def test_a_run_goes_on_from_a_saved_state_with_the_same_bits(world, recorded):
         out = other.step(k * 40_000_000, 40_000_000, {"state": tuple(states[5 * k : 5 * k + 5])})
         assert np.array_equal(out["scan"].ranges, outs[k]["scan"].ranges, equal_nan=True)
     assert other.unmeasured_count == lidar.unmeasured_count
-
-
-@pytest.mark.parametrize("noise", ["none", "data_sheet"])
-def test_one_launch_gives_what_three_give(world, recorded, noise):
-    whole, parts = (replay_of(world, recorded, noise=noise) for _ in range(2))
-    _, states = drive(whole, world, length=1.0)
-    parts.reset(Stream(5, "combine.lidar"))
-    whole.reset(Stream(5, "combine.lidar"))
-    for k in range(1, 4):
-        poses = whole.scanner.sweep(tuple(states[: 5 * k]), k * 40_000_000)
-        one = whole.scan_from(k * 40_000_000, *poses)
-        parts.rays.aim(k * 40_000_000, *poses)
-        wanted = {
-            "range_max": 40.0,
-            "seed": scan_seed(Stream(5, "combine.lidar").integer(), k * 40_000_000),
-            "share": -1.0,
-            "grain": 0.05,
-        }
-        cast_beams(parts.caster, parts.rays.beams, **wanted)
-        three = parts.rays.report(k * 40_000_000, poses[0])
-        for name in ("ranges", "intensity"):
-            assert getattr(one["scan"], name).tobytes() == getattr(three["scan"], name).tobytes()
-        assert np.isfinite(one["scan"].ranges).any()
-        assert one["truth"].points.tobytes() == three["truth"].points.tobytes()
 
 
 def test_a_run_that_cuts_has_the_same_digest_when_it_is_saved_and_resumed(recorded):

@@ -20,7 +20,7 @@ from benchmarks.counts import (
     in_a_process,
 )
 
-BOUNDS = {BYTECODES: 797_000, CALLS: 25_700, WALKS: 220, STEPS: 25, SUPPLIES: 115}
+BOUNDS = {BYTECODES: 753_000, CALLS: 24_300, WALKS: 196, STEPS: 25, SUPPLIES: 92}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
 STARTS = {  # command line -> bytecodes, modules
     "--help": (86_400, 100), "run --help": (64_700, 30), "walk": (16_100, 27), "": (6_800, 27),

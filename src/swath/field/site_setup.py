@@ -100,6 +100,7 @@ class Bodies:
         self._standing: set[str] = set()  # bodies that are no machines
         self._hitched: set[frozenset[str]] = set()
         self._known: dict[str, tuple[Pose, Parts]] = {}
+        self.changes = np.zeros(1, np.int64)  # of what there is and can be seen; what moves is not counted
         self.boxes: dict[str, GrainBox] = {}  # by the body that carries them
         self._speeds: dict[str, Sequence[float] | MachineState] = {}
         self._bounds: dict[str, tuple[Array, Array]] = {}
@@ -111,6 +112,7 @@ class Bodies:
         """The obstacles that stand around from now on, by name."""
         self._standing_solids, self._bounds = dict(obstacles), {}
         self._obstacles = {name: parts_of(solids) for name, solids in obstacles.items()}
+        self.changes += 1
 
     def set_things(self, things: Sequence[Thing]) -> None:
         """The obstacles of the field from now on: those that stand, and those that go, where they start."""
@@ -146,6 +148,7 @@ class Bodies:
         self._speeds[name] = STILL
         self._parts[name] = parts_of(solids)
         self._known.pop(name, None)
+        self.changes += 1
         if not is_machine:
             self._standing.add(name)
 
@@ -159,6 +162,7 @@ class Bodies:
             known.pop(name, None)
         self._bounds.pop(name, None)
         self._added.pop(name, None)
+        self.changes += 1
         self._standing.discard(name)
         self._hitched = {pair for pair in self._hitched if name not in pair}
 
@@ -205,6 +209,7 @@ class Bodies:
     def show_to_itself(self, name: str) -> None:
         """A machine's own sensors see its body, too."""
         self._sees_itself.add(name)
+        self.changes += 1
 
     @property
     def is_alone(self) -> bool:
@@ -228,10 +233,13 @@ class Bodies:
                 return name, x - box.x, y
         return None
 
+    def beside(self, name: str, *, itself: bool = False) -> list[str]:
+        """Names of all machines and things that go; of this one only where it sees itself, or `itself`."""
+        return sorted(n for n in self._solids if n != name or itself or n in self._sees_itself)
+
     def others(self, name: str) -> Solids:
         """Solids of all machines and things that go, in the world; of this one only where it sees itself."""
-        beside = sorted(n for n in self._solids if n != name or n in self._sees_itself)
-        return merge(*(moved(self._seen(n), self._poses[n]) for n in beside))
+        return merge(*(moved(self._seen(n), self._poses[n]) for n in self.beside(name)))
 
     def in_sight(self, name: str, *, itself: bool = False) -> list[Sighted]:
         """What sensors of a machine see of every obstacle, thing and machine as they are now; of this machine
@@ -239,12 +247,11 @@ class Bodies:
         """
         solids = self._standing_solids
         standing = [Sighted(n, self._kind(n), solids[n], warm=self._warm(n)) for n in self._obstacles]
-        beside = sorted(n for n in self._solids if n != name or itself or n in self._sees_itself)
         return standing + [
             Sighted(
                 n, self._kind(n), moved(self._seen(n), pose), np.array(self._velocity(n)), pose, self._warm(n)
             )
-            for n in beside
+            for n in self.beside(name, itself=itself)
             for pose in (self._poses[n],)
         ]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.cutting.cut_result import Corner
-from swath.field.memory_layout import PAGE_NODES
+from swath.field.memory_layout import PAGE_NODES, REVISION
 from swath.field.paging.height_bounds import update_bumps, update_bumps_within
 from swath.field.paging.pages import PageStore
 from swath.field.paging.stored_changes import Key
@@ -121,7 +121,7 @@ def _add(store: PageStore, laid: Array, x0: int, y0: int, depth_per_kg: float) -
             store.straw_mass[i, j][v, u] += part
             _show(store, (i, j), v, u, depth_per_kg)
     update_bumps_within(store, x0, y0, x0 + nx - 1, y0 + ny - 1)
-    store.pages.revision += 1
+    store.pages.counters[REVISION] += 1
 
 
 def _show(store: PageStore, key: Key, rows: slice, columns: slice, depth_per_kg: float) -> None:

@@ -8,97 +8,12 @@ from numpy.typing import NDArray
 
 from swath.core import portable
 from swath.field.field import Field
-from swath.field.memory_layout import Solids
 from swath.kernels import filled
-from swath.rays.device import start_warp
-from swath.rays.field_arrays import LiveScene
-from swath.rays.refusals import check_origins, check_range
-from swath.rays.single.buffers import CLAMPED, MISPLACED, BeamBuffer, share
 from swath.rays.spread import Spread, SpreadTable, double_log
 
 TOP_ROOM = 0.12  # measured heights lie up to this share above the top of the crop
 PITCH = 0.08  # longest step along a beam through crop [m]: stems lean that far over the edge anyway
 EMPTY = 2e-6  # less projected area than this above a height stops no beam [m2]
-
-
-class BodyCaster:
-    """Casts the beams of a buffer, one ray each; how deep one goes into crop is drawn by its normal number.
-
-    beams: their memory
-    apart: angle to the neighbour on the line [rad], (count,)
-    line_count: lines of the scanner, beams ordered by azimuth, then by line; 0 = neighbours draw
-        independently
-    table: of the spread
-    crop_height: of the field's crop at scale 1 [m]; exit [m], divergence [rad]: of the beam, mean of both
-        directions
-    pitch: step through crop [m]
-    """
-
-    def __init__(
-        self,
-        field: Field,
-        table: SpreadTable,
-        beams: BeamBuffer,
-        apart: Any,
-        *,
-        line_count: int,
-        crop_height: float,
-        exit_diameter: float,
-        divergence: float,
-        pitch: float = PITCH,
-    ) -> None:
-        self.field = field
-        self.scene = LiveScene(field, "cpu", top_room=TOP_ROOM + 1e-3, has_plants=False)
-        self.table, self.beams, self.line_count = table, beams, line_count
-        self._apart = np.zeros(len(beams.score), np.float32)
-        self._apart[: beams.count] = apart
-        self._numbers = {
-            "crop_height": crop_height,
-            "exit_diameter": exit_diameter,
-            "divergence": divergence,
-            "pitch": pitch,
-        }
-        self._launch: Any = None
-        self._made_for = -1  # version of the scene
-        self._called = (0.0, 0)  # range and flag of solids it has
-        self._kept: tuple[Any, ...] = ()  # what it reads
-
-    def cast_beams(self, *, range_max: float, solids: Solids | None = None) -> int:
-        """Nearest body of each beam within range_max [m]: fills distance, kind (organ), cosine, reflectance.
-
-        Returns a number whose bit k is set when some beam left axis k of the standing crop's grid, bit 4 + k
-        of the stubble's, bit 8 when one met crop that leans by more than 20 deg. Raises as `RayCaster.cast`.
-        """
-        check_range(range_max)
-        if self.beams.count == 0:
-            return 0
-        wp = start_warp()
-        scene = self.scene.refresh(wp)
-        has_solids = int(self.beams.meet(solids, range_max))
-        if self._made_for != self.scene.version:
-            self._prepare(scene, range_max, has_solids)
-        elif self._called != (range_max, has_solids):
-            self._launch.set_param_at_index(5, range_max)
-            self._launch.set_param_at_index(6, has_solids)
-        self._called = range_max, has_solids
-        self._launch.launch()
-        found = self.beams.take_flags()
-        if found & MISPLACED:
-            check_origins(self.field, self.beams.origins[: self.beams.count])
-        return found >> CLAMPED
-
-    def _prepare(self, scene: Any, range_max: float, has_solids: int) -> None:
-        """The launch that is repeated until the field's memory moves."""
-        from swath.rays.single.kernel import cast_bodies
-
-        self._kept = self._kept or (
-            pack_canopy(self.table, self.field, **self._numbers),
-            share(self._apart),
-        )
-        canopy, apart = self._kept
-        inputs = [scene, canopy, self.beams.struct(), apart, self.line_count, range_max, has_solids]
-        self._launch = self.beams.record(cast_bodies, inputs, threads=1)
-        self._made_for = self.scene.version
 
 
 def pack_canopy(
@@ -110,7 +25,11 @@ def pack_canopy(
     divergence: float,
     pitch: float = PITCH,
 ) -> Any:
-    """The table as native code reads it; numbers as in `BodyCaster`."""
+    """The table as native code reads it.
+
+    crop_height: of the field's crop at scale 1 [m]; exit_diameter [m], divergence [rad]: of the beam, mean of
+    both directions; pitch: step through crop [m]
+    """
     from swath.rays.single.kernel import Canopy
 
     depth, top_bound = below_top_bound(table)

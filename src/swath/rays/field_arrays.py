@@ -7,15 +7,7 @@ from numpy.typing import NDArray
 
 from swath.field.edges.profile import refused
 from swath.field.field import Field
-from swath.field.memory_layout import (
-    PAGE_TILES,
-    Pages,
-    PlantLibrary,
-    Shape,
-    Solids,
-    primitive_rows,
-    shared_rows,
-)
+from swath.field.memory_layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
 from swath.field.wind import GUST_SHARE
 from swath.kernels import member_array
 from swath.rays.geometry import make_solid_arrays
@@ -32,6 +24,7 @@ class LiveScene:
 
     version: goes up whenever the scene itself changes, not what its arrays hold; top_room: hits may lie above
     crop by this share of its height; has_plants: with the primitives of plants
+    shown: (2,) counters of the pages that it shows: REVISION, which `top_of` depends on, and MOVED
     """
 
     def __init__(self, field: Field, device: str, *, top_room: float = 0.0, has_plants: bool = True) -> None:
@@ -40,11 +33,10 @@ class LiveScene:
         self.version = 0
         self._scene: Any = None
         self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
-        self._pages: Pages | None = None  # as they were at the revision
-        self._revision = -1
+        self._pages: Pages | None = None
+        self.shown = np.full(2, -1, np.int64)
         self._place = (float("nan"), 0, 0)  # yaw of the stand, first page of the table
         self._library: PlantLibrary | None = None
-        self._corners: tuple[F32 | None, int, F32] = None, 0, np.zeros(0, np.float32)
 
     def share(self, wp: Any, array: NDArray[Any], dtype: Any) -> Any:
         """The array for Warp: the same memory on the CPU, a copy elsewhere."""
@@ -77,6 +69,7 @@ class LiveScene:
         cells: with the search index of single rays, which is made for whoever asks for it first
         """
         from swath.rays.kernel.scene import Scene
+        from swath.rays.kernel.tops import raise_tops
 
         if self.field.profile is not None:
             raise refused("sensor that casts rays beside it")
@@ -90,9 +83,10 @@ class LiveScene:
             self._hold("cell_items", self._library.cell_items)
         scene, pages = self._scene, self.field.pages
         yaw = self.field.stand_yaw
-        if pages is self._pages and pages.revision == self._revision and yaw == self._place[0]:
+        now = pages.counters[: len(self.shown)]
+        if pages is self._pages and (now == self.shown).all() and yaw == self._place[0]:
             return scene
-        self._pages, self._revision = pages, pages.revision
+        self._pages, self.shown[:] = pages, now
         place = yaw, pages.table_x, pages.table_y
         if place != self._place:
             self._place, self.version = place, self.version + 1
@@ -102,23 +96,11 @@ class LiveScene:
             pool = getattr(pages, name)
             if self._held.get(name) is not pool or self.device != "cpu":
                 self._hold(name, pool)
-        self._hold_tops(page_tops(pages, self._highest_ground(pages), self.top_room))
+        count = len(pages.ground)
+        if "page_top" not in self._held or len(self._held["page_top"]) != count:
+            self._hold("page_top", np.zeros(count, np.float32))
+        wp.launch(raise_tops, count, [scene, 1.0 + self.top_room], device=self.device)
         return scene
-
-    def _highest_ground(self, pages: Pages) -> F32:
-        """Highest ground of each tile's plane, worked out again when pages came into memory."""
-        plane, (known, made, corners) = pages.tile_plane, self._corners
-        if known is not plane or made != pages.made:
-            corners = plane_tops(plane, self.field.library.tile_size)
-            self._corners = plane, pages.made, corners
-        return corners
-
-    def _hold_tops(self, tops: F32) -> None:
-        held = self._held.get("page_top")
-        if held is not None and held.shape == tops.shape and self.device == "cpu":
-            held[:] = tops
-            return
-        self._hold("page_top", tops)
 
     def _hold(self, name: str, array: NDArray[Any]) -> None:
         """Another array under a name of the scene."""
@@ -152,19 +134,3 @@ def pack_primitives(library: PlantLibrary) -> F32:
         rows[:, 14] = library.own_reflectance
     result: F32 = rows.reshape(-1, 4)
     return result
-
-
-def plane_tops(plane: F32, tile_size: float) -> F32:
-    """Highest place of each tile's plane [m], (n, 8, 8)."""
-    return np.asarray(plane[..., 0] + 0.5 * tile_size * (np.abs(plane[..., 1]) + np.abs(plane[..., 2])))
-
-
-def page_tops(pages: Pages, planes: F32, room: float = 0.0) -> F32:
-    """Highest thing in each page [m], (n,): ground, straw or live crop with room for this share above it.
-
-    planes: highest place of each tile's plane [m], (n, 8, 8)
-    """
-    crop = pages.tile_top if room == 0.0 else (1.0 + room) * pages.tile_top
-    tops = planes + np.maximum(crop, pages.tile_bump)
-    top: F32 = tops.reshape(len(tops), PAGE_TILES**2).max(axis=1).astype(np.float32)
-    return top

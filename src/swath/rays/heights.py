@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 
 from swath.field.memory_layout import Solids
-from swath.kernels import filled
+from swath.kernels import filled, shared
 from swath.rays.height_cells import Cells, block_tops, first_cells, patches
 from swath.rays.height_grid import NODES, HeightGrid
 from swath.rays.refusals import check_range, refuse_below
-from swath.rays.single.buffers import MISPLACED, BeamBuffer, share
+from swath.rays.single.buffers import MISPLACED, BeamBuffer
 
 NOTHING, MEASURED, UNMEASURED, SOLID = range(4)
 
@@ -31,7 +31,6 @@ class HeightCaster:
         self._seed = self._whole.view(np.uint32)
         self._beams = BeamBuffer(0)
         self._launch: Any = None
-        self._scene: Any = None
 
     def set_scan(self, *, range_max: float, seed: int, share: float, grain: float) -> None:
         """What the next launches do.
@@ -57,24 +56,15 @@ class HeightCaster:
         self._whole[1] = beams.meet(solids, float(self._real[2]))
         if beams.count:
             self._launch.launch()
-        self.check(beams)
-
-    def check(self, beams: BeamBuffer) -> None:
-        """Raises on rays of a buffer that could not be cast, see `march`."""
         if beams.take_flags() & MISPLACED:
             o = beams.origins[: beams.count]
             refuse_below(o, self.grid.ground_height(o[:, 0], o[:, 1]))
 
-    def arguments(self) -> list[Any]:
-        """Arguments of kernels that march: the grid, and what `set_scan` sets (whole and real numbers)."""
-        if self._scene is None:
-            self._scene = self._make_scene()
-        return [self._scene, share(self._whole), share(self._real)]
-
     def _prepare(self, beams: BeamBuffer) -> Any:
         from swath.rays.single.kernel import cast_heights
 
-        return beams.record(cast_heights, [*self.arguments(), beams.struct()])
+        inputs = [self._make_scene(), shared(self._whole), shared(self._real), beams.struct()]
+        return beams.record(cast_heights, inputs)
 
     def _make_scene(self) -> Any:
         from swath.rays.single.kernel import Heights

@@ -365,11 +365,14 @@ class ScanningLidar(KeepsState, ABC):
         end = t + dt
         return self.scan_from(end, *self.scanner.sweep(known, end))
 
+    @property
+    def _own_weather(self) -> ScannerWeather:
+        given = self.scanner.params
+        return given.weather if isinstance(given, OutdoorParams) else ScannerWeather()
+
     def weather_at(self, t: int) -> ScannerWeather:
         """What is in the air before it at a time of the run [ns]."""
-        given = self.scanner.params
-        own = given.weather if isinstance(given, OutdoorParams) else ScannerWeather()
-        return own.under(self.setup.field.weather, t, self.sheet.wavelength)
+        return self._own_weather.under(self.setup.field.weather, t, self.sheet.wavelength)
 
     def meets(self, state: MachineState) -> Mapping[str, Any]:
         """Its weather, with the dust that drifts past it, and the light that its receiver knows."""
@@ -377,6 +380,13 @@ class ScanningLidar(KeepsState, ABC):
         light = weather.light(state.t) if self.scanner.is_lit and weather is not None else None
         met = self.weather_at(state.t).met(self.setup.field, state.pose.apply(self.mounting.position))
         return {**met, "receiver_light_lx": 0.0 if light is None else light.lux}
+
+    @property
+    def may_be_disturbed(self) -> bool:
+        """Whether `air` may ever give something."""
+        scanner, weather = self.scanner, self.setup.field.weather
+        has_dust = weather is not None and (weather.may_be_dim or bool(self.setup.field.plumes))
+        return has_dust or scanner.is_lit or scanner.window is not None or not self._own_weather.is_clear
 
     def air(self, t: int, origins: F64, directions: F64, met: F64) -> AirBefore | None:
         """What is between it and what its beams meet in the sweep that ends at t [ns], None = nothing.

@@ -12,7 +12,6 @@ from swath.core import portable
 from swath.core.component import Outputs
 from swath.core.random import Stream
 from swath.kernels import filled
-from swath.rays.heights import HeightCaster
 from swath.rays.single.buffers import BeamBuffer
 from swath.sensing.echo import AirBefore, Bundle, Receiver
 from swath.sensing.scanner import Scanner
@@ -43,7 +42,8 @@ class SingleRays:
         scored: bool = True,
     ) -> None:
         self.scanner = scanner
-        self.beams = BeamBuffer(len(scanner.azimuth))
+        self.beams = BeamBuffer(len(scanner.azimuth), lines=scanner.line_count, reach=scanner.reach)
+        self.beams.apart[: self.beams.count] = scanner.step * np.cos(scanner.elevation)
         self._judged, self._blind = judged, blind
         self._is_drawn = int(scored or scanner.noise.is_on)
         sheet = scanner.sheet
@@ -57,13 +57,12 @@ class SingleRays:
         self._points = np.zeros((room, 1, 3))
         self._aim: Any = None
         self._report: Any = None
-        self._whole_scan: Any = None
 
     def reset(self, stream: Stream) -> None:
         """Random numbers from this stream from now on; call it after the scanner's."""
         self._words[:2] = stream.key
         self._forward[: self.beams.count] = self.scanner.axes[:, :, 0]
-        self._report = self._whole_scan = None  # they know the bias of the instance
+        self._report = None  # it knows the bias of the instance
 
     def lie_in(
         self,
@@ -74,14 +73,10 @@ class SingleRays:
         *,
         words: Any,
         flags: Any,
-        first: "SingleRays",
     ) -> None:
-        """From now on in this memory of a batch: (room, 1), (room, 1), (room, 1, 3), (room, 3), (3,), (1,),
-        and what is of no use after a scan in that of the first of its worlds.
-        """
-        self._ranges, self._intensity, self._points = ranges, intensity, points
-        self.rotations, self._words = first.rotations, words
-        self.beams.lie_in(origins, flags, first.beams)
+        """From now on in this memory: (room, 1), (room, 1), (room, 1, 3), (room, 3), (3,), (1,)."""
+        self._ranges, self._intensity, self._points, self._words = ranges, intensity, points, words
+        self.beams.lie_in(origins, flags)
 
     def aims_as(self, first: "SingleRays") -> None:
         """Keep the beams in the memory of another scanner's where both are the same, and stay so."""
@@ -107,14 +102,6 @@ class SingleRays:
         self._words[2] = t
         self.swing(t)
 
-    def scan_heights(self, caster: HeightCaster) -> None:
-        """Aim, march and report in one launch, without solids; after `place` and the caster's `set_scan`."""
-        if self._whole_scan is None:
-            self._whole_scan = self._prepare_scan(caster)
-        if self.beams.count:
-            self._whole_scan.launch()
-        caster.check(self.beams)
-
     def swing(self, t: int) -> None:
         """Where beams point in the sweep that ends at t [ns], as `place` does it."""
         if self.scanner.noise.angle != 0.0:
@@ -139,10 +126,6 @@ class SingleRays:
             self._report = self._prepare_report()
         if self.beams.count:
             self._report.launch()
-        return self.outputs(t, origins)
-
-    def outputs(self, t: int, origins: F64) -> Outputs:
-        """What the last launch reported."""
         n = self.beams.count
         ranges: F32 = self._ranges[:n].copy()
         return self.scanner.outputs_of(
@@ -159,20 +142,13 @@ class SingleRays:
 
         return self.beams.record(report, [self.electronics(), self.beams.struct()])
 
-    def _prepare_scan(self, caster: HeightCaster) -> Any:
-        from swath.sensing.native.kernel import scan_heights
-
-        inputs = [self.aiming(), *caster.arguments(), self.electronics(), self.beams.struct()]
-        return self.beams.record(scan_heights, inputs)
-
     def aiming(self) -> Any:
         """`Aiming` of kernel.py."""
         from swath.sensing.native.kernel import Aiming
 
-        words, rotations = self._words, self.rotations.reshape(-1)
-        return filled(
-            Aiming, words=words, rotations=rotations, forward=self._forward, is_drawn=self._is_drawn
-        )
+        sweep, flat = self.scanner.sweep, self.rotations.reshape(-1)
+        held = {"words": self._words, "rotations": flat, "forward": self._forward, "is_drawn": self._is_drawn}
+        return filled(Aiming, mounting=sweep.mounting, beam_t=sweep.beam_t, **held)
 
     def electronics(self) -> Any:
         """`Electronics` of kernel.py, after the scanner's reset."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.frames import Pose
-from swath.kernels import repeatable, start_warp
+from swath.kernels import repeatable, shared, start_warp
 from swath.signals import F64, MachineState
 
 ROOM = 64  # states between two sweeps; more are thinned out
@@ -22,8 +22,8 @@ class Sweep:
         self._count = n
         self._states, self._sizes = np.zeros((ROOM, 13)), np.zeros(3)
         self._rows = self._states.data.cast("B")
-        self._mounting = np.concatenate([mounting.position, mounting.rotation.ravel()])
-        self._beam_t = np.ascontiguousarray(beam_t)
+        self.mounting = np.concatenate([mounting.position, mounting.rotation.ravel()])
+        self.beam_t = np.ascontiguousarray(beam_t)
         self._origins, self._rotations = np.zeros((n, 3)), np.zeros((n, 3, 3))
         self._launch: Any = None
 
@@ -36,24 +36,15 @@ class Sweep:
         for k, state in enumerate(states):
             place, (first, second, third) = state.pose.numbers
             ROW.pack_into(self._rows, k * ROW.size, state.t, *place, *first, *second, *third)
-        return self._at(end, len(states))
-
-    def of(self, states: F64, end: int) -> tuple[F64, F64]:
-        """The same of states as rows of t [ns], position and rotation, (n, 13), at most ROOM."""
-        self._states[: len(states)] = states
-        return self._at(end, len(states))
-
-    def _at(self, end: int, count: int) -> tuple[F64, F64]:
-        self._sizes[:] = end, count, self._count
+        self._sizes[:] = end, len(states), self._count
         if self._launch is None:
             self._launch = self._prepare()
         self._launch.launch()
         return self._origins.copy(), self._rotations.copy()
 
     def _prepare(self) -> Any:
-        wp = start_warp()
         from swath.sensing.native.kernel import sweep
 
-        arrays = (self._states, self._mounting, self._beam_t, self._sizes, self._origins, self._rotations)
-        inputs = [wp.array(a.reshape(-1), dtype=wp.float64, device="cpu", copy=False) for a in arrays]
-        return repeatable(sweep, inputs)
+        before = map(shared, (self._states.reshape(-1), self.mounting, self.beam_t, self._sizes))
+        origins = shared(self._origins, start_warp().vec3d)
+        return repeatable(sweep, [*before, origins, shared(self._rotations.reshape(-1))])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swath.core.errors import InputError
 from swath.field.cutting.cut_result import TILE_CELLS, Corner, Cut, StemIndex, cells_inside
-from swath.field.memory_layout import PAGE_CUT_CELLS
+from swath.field.memory_layout import PAGE_CUT_CELLS, REVISION
 from swath.field.paging.pages import PageStore
 from swath.kernels import filled, member_array, repeatable, start_warp
 
@@ -137,7 +137,7 @@ class Cutter:
     def _note(self, pages: list[list[int]]) -> None:
         """Book-keeping after codes changed."""
         store = self.store
-        store.pages.revision += 1
+        store.pages.counters[REVISION] += 1
         for i, j, is_lower, is_cut in pages:
             if is_cut:
                 store.recut.add((i, j))

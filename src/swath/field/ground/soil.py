@@ -17,7 +17,7 @@ from swath.core.units import KPA
 from swath.field.field_setup import FieldSetup
 from swath.field.maps.band import Quantity
 from swath.field.maps.raster import Raster
-from swath.field.memory_layout import PAGE_NODES, different_pages
+from swath.field.memory_layout import PAGE_NODES, REVISION, different_pages
 from swath.field.paging.height_bounds import update_bumps
 from swath.field.paging.pages import PageStore
 from swath.field.paging.stored_changes import Key
@@ -123,7 +123,7 @@ class Ruts:
             store.ground_low[slot] = ground[slot].min()
         if shown:
             update_bumps(store, shown)
-            store.pages.revision += 1
+            store.pages.counters[REVISION] += 1
 
     def _has(self, key: Key) -> bool:
         i, j = key

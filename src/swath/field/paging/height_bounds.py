@@ -7,7 +7,7 @@ of it. So a tile counts as standing as long as crop stands on it or on a tile wi
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, STANDING, PlantLibrary
+from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, STANDING, STEM_REACH, PlantLibrary
 from swath.field.paging.pages import PageStore
 from swath.field.paging.stored_changes import Key
 
@@ -33,7 +33,7 @@ def update_tops(store: PageStore, library: PlantLibrary, keys: list[Key], *, swa
     lean = np.hypot(stand[..., 1], stand[..., 2]) + sway * stand[..., 0]
     tiles = np.ceil((library.reach + lean * library.height_max) / library.tile_size).astype(int)
     reach = np.minimum(tiles, REACH_MAX)
-    store.stem_reach = max(store.stem_reach, int(reach.max()))
+    store.counters[STEM_REACH] = max(store.counters[STEM_REACH], int(reach.max()))
     code = _code_around(store, page, int(reach.max()))
     highest = np.zeros(reach.shape, np.uint8)
     for r in range(int(reach.max()) + 1):

@@ -13,7 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.errors import InputError
-from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, PAGE_TILES, Pages, different_pages
+from swath.field.memory_layout import (
+    DROPPED,
+    MOVED,
+    PAGE_CUT_CELLS,
+    PAGE_NODES,
+    PAGE_TILES,
+    REVISION,
+    STEM_REACH,
+    Pages,
+    different_pages,
+)
 from swath.field.paging.stored_changes import Change, Key, StoredChanges
 
 Codes = int | NDArray[np.uint8]
@@ -55,17 +65,17 @@ class PageStore:
         limit: int = 1024,
     ) -> None:
         self.make, self.finish, self.tile_size, self.limit = make, finish, tile_size, limit
+        self.counters = np.zeros(4, np.int64)  # of its pages, see `memory_layout.REVISION`
         self.clear()
 
     def clear(self) -> None:
         """Forget everything."""
-        self.pages = _empty_pages()
+        self.counters += (1, 1, 1, -self.counters[STEM_REACH])
+        self.pages = _empty_pages(self.counters)
         self.code_max = np.zeros((0, PAGE_TILES, PAGE_TILES), np.uint8)  # highest code per tile
         self.ground_low = np.zeros(0, np.float32)  # lowest soil of the page [m]
-        self.stem_reach = 0  # tiles from which stems can lean over another one, the most of all pages so far
         self.keys: dict[Key, int] = {}  # slot of every page in memory, oldest use first
         self._used: dict[Key, int] = {}  # pages made before the last use of each of them
-        self.dropped = 0  # pages that left memory, so far
         self.recut: set[Key] = set()  # pages whose codes are not those of the start
         self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
         self.packed = StoredChanges()  # changed pages that are not in memory
@@ -100,7 +110,7 @@ class PageStore:
         for key in missing:
             self._insert(key, made[key])
         self.finish(self, missing)
-        self.pages.revision += 1
+        self.pages.counters[REVISION] += 1
         self._around = keys
 
     def need_at(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> None:
@@ -133,7 +143,7 @@ class PageStore:
             self._grow_cut()
         else:
             return False
-        self.pages.revision += 1
+        self.pages.counters[REVISION] += 1
         return True
 
     def _unused(self, keep: Collection[Key], excess: int) -> list[Key]:
@@ -193,10 +203,8 @@ class PageStore:
 
     def restore(self, changes: dict[Key, Change]) -> None:
         """Forget everything, then take over changed pages."""
-        revision = self.pages.revision
         self.clear()
         self.packed = StoredChanges(changes)
-        self.pages.revision = revision + 1
 
     def reset(self) -> None:
         """Forget all changes.
@@ -273,7 +281,7 @@ class PageStore:
             self.straw_mass.pop(key, None)
         slot = self.keys.pop(key)
         del self._used[key]
-        self.dropped += 1
+        self.counters[DROPPED] += 1
         if p.cut_slot[slot] >= 0:
             self._free_cut.append(int(p.cut_slot[slot]))
         p.cut_slot[slot] = -1
@@ -294,12 +302,14 @@ class PageStore:
         for name in SLOT_POOLS:
             setattr(p, name, _grown(getattr(p, name), new))
         self.code_max, self.ground_low = _grown(self.code_max, new), _grown(self.ground_low, new)
+        self.counters[MOVED] += 1
         self._free[:0] = range(new - 1, old - 1, -1)
 
     def _grow_cut(self) -> None:
         old = len(self.pages.cut)
         new = max(2 * old, 8)
         self.pages.cut = _grown(self.pages.cut, new)
+        self.counters[MOVED] += 1
         self._free_cut[:0] = range(new - 1, old - 1, -1)
 
     def _widen(self, keys: list[Key]) -> None:
@@ -318,6 +328,7 @@ class PageStore:
         if nx > 0:
             table[p.table_y - y0 : p.table_y - y0 + ny, p.table_x - x0 : p.table_x - x0 + nx] = p.table
         p.table, p.table_x, p.table_y = table, x0, y0
+        self.counters[MOVED] += 1
 
 
 class KeptPages:
@@ -362,9 +373,10 @@ def _wider(first: int, end: int, needed: int, needed_end: int) -> tuple[int, int
     return below, needed_end + room if needed_end > end else end
 
 
-def _empty_pages() -> Pages:
+def _empty_pages(counters: NDArray[np.int64]) -> Pages:
     f = np.float32
     return Pages(
+        counters=counters,
         table=np.full((0, 0), -1, np.int32),
         table_x=0,
         table_y=0,

@@ -23,29 +23,24 @@ class BeamBuffer:
     distance [m], kind, cosine, reflectance: of what was hit, score, cell: (room,); only the first `count`
     mean anything
     flags: (1,) what was wrong with some beam
+    apart: (room,) angle to the neighbour on the line [rad]; reach: they end there [m]
+    lines: of the scanner, beams ordered by azimuth, then by line; 0 = neighbours draw independently
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, *, lines: int = 0, reach: float = 0.0) -> None:
         self.count, self.packet_count = count, -(-count // PACKET)
         room = max(1, self.packet_count) * PACKET
         self.origins, self.directions = np.zeros((room, 3)), np.zeros((room, 3))
         self.normal = np.zeros((2, room), np.float32)
-        self.distance, self.cosine, self.reflectance, self.score = (
-            np.zeros(room, np.float32) for _ in range(4)
-        )
+        self.lines, self.reach = lines, reach
+        self.distance, self.cosine, self.reflectance, self.score, self.apart = np.zeros((5, room), np.float32)
         self.kind, self.cell, self.flags = (np.zeros(n, np.int32) for n in (room, room, 1))
         self._struct: Any = None
         self._solids: tuple[Solids | None, Any] = (None, None)  # and as the kernel reads them
 
-    def lie_in(self, origins: Any, flags: Any, others: "BeamBuffer") -> None:
-        """From now on these are in this memory, (room, 3) and (1,), and the others in that of another buffer:
-        of many worlds, scanned one after the other, what a scan needs meanwhile then stays in the cache. What
-        a scan met stays with its world.
-        """
-        kept = {"origins": origins, "flags": flags}
-        kept |= {name: getattr(self, name) for name in ("directions", "distance", "kind")}
-        arrays = {name: value for name, value in vars(others).items() if isinstance(value, np.ndarray)}
-        vars(self).update({**arrays, **kept, "_struct": None})
+    def lie_in(self, origins: Any, flags: Any) -> None:
+        """From now on these are in this memory, (room, 3) and (1,)."""
+        self.origins, self.flags, self._struct = origins, flags, None
 
     def struct(self) -> Any:
         """`kernel.Beams`: the same memory."""
@@ -53,13 +48,12 @@ class BeamBuffer:
             from swath.rays.single.kernel import Beams
 
             arrays = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-            self._struct = filled(Beams, count=self.count, **arrays)
+            self._struct = filled(Beams, count=self.count, lines=self.lines, reach=self.reach, **arrays)
         return self._struct
 
-    def record(self, kernel: Any, inputs: list[Any], *, threads: int | None = None) -> Any:
-        """A launch that can be repeated, one thread per packet of beams unless said otherwise."""
-        threads = self.packet_count if threads is None else threads
-        return repeatable(kernel, inputs, threads=threads)
+    def record(self, kernel: Any, inputs: list[Any]) -> Any:
+        """A launch that can be repeated, one thread per packet of beams."""
+        return repeatable(kernel, inputs, threads=self.packet_count)
 
     def meet(self, solids: Solids | None, range_max: float) -> bool:
         """False where there are none; else distance, kind (organ), cosine, reflectance become those of the
@@ -83,11 +77,3 @@ class BeamBuffer:
         if found & NOT_FINITE:
             raise ValueError("expected finite origins and directions")
         return found
-
-
-def share(array: Any) -> Any:
-    """A contiguous numpy array as Warp's, the same memory; (n, 3) of float64 as vectors."""
-    wp = start_warp()
-    kinds = {"float32": wp.float32, "int32": wp.int32, "int16": wp.int16, "uint8": wp.uint8}
-    kinds |= {"float64": wp.vec3d if array.shape[1:] == (3,) else wp.float64, "uint64": wp.uint64}
-    return wp.array(array, dtype=kinds[array.dtype.name], device="cpu", copy=False)

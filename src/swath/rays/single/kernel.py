@@ -94,6 +94,9 @@ class Beams:
     """A `buffers.BeamBuffer` as native code reads and fills it."""
 
     count: int
+    lines: int
+    reach: float
+    apart: wp.array(dtype=float)
     origins: wp.array(dtype=wp.vec3d)
     directions: wp.array(dtype=wp.vec3d)
     normal: wp.array2d(dtype=float)
@@ -106,15 +109,20 @@ class Beams:
     flags: wp.array(dtype=int)
 
 
-@wp.kernel(enable_backward=False)
-def meet_solids(solids: SolidArrays, range_max: float, beams: Beams):
-    """Nearest solid of each beam, range_max and kind 0 without one."""
-    i = wp.tid()
+@wp.func
+def meet_solid(i: int, solids: SolidArrays, range_max: float, beams: Beams):
+    """Nearest solid of a beam, range_max and kind 0 without one."""
     hit = hit_solids(solids, beams.origins[i], wp.vec3(beams.directions[i]), no_hit(range_max))
     beams.distance[i] = hit.t
     beams.kind[i] = hit.organ
     beams.cosine[i] = hit.cosine
     beams.reflectance[i] = hit.reflectance
+
+
+@wp.kernel(enable_backward=False)
+def meet_solids(solids: SolidArrays, range_max: float, beams: Beams):
+    """Nearest solid of each beam."""
+    meet_solid(wp.tid(), solids, range_max, beams)
 
 
 @wp.func_native(source("scores"))
@@ -129,18 +137,33 @@ def meet_bodies(p: int, scene: Scene, canopy: Canopy, beams: Beams, range_max: f
 
 @wp.kernel(enable_backward=False)
 def cast_bodies(
-    scene: Scene,
-    canopy: Canopy,
-    beams: Beams,
-    apart: wp.array(dtype=float),
-    lines: int,
-    range_max: float,
-    has_solids: int,
+    needs: wp.array(dtype=wp.int32),
+    active: wp.array(dtype=wp.bool),
+    asks: wp.array(dtype=wp.int32),
+    scenes: wp.array(dtype=Scene),
+    solids: wp.array(dtype=SolidArrays),
+    canopies: wp.array(dtype=Canopy),
+    beams: wp.array(dtype=Beams),
+    aired: wp.array(dtype=wp.int32),
 ):
-    """All beams of a scan in one thread. lines = 0: the normal numbers are the scores themselves."""
-    chain_scores(scene, canopy, beams, apart, lines, range_max)
-    for p in range((beams.count + 15) // 16):
-        meet_bodies(p, scene, canopy, beams, range_max, has_solids)
+    """One world a thread: all beams of a scan.
+
+    asks: worlds whose scene is not known; aired: worlds whose air may change a scan
+    needs: set for these, or where something is to be said of a beam
+    """
+    w = wp.tid()
+    if not active[w] or asks[w] != 0:
+        return
+    b = beams[w]
+    has_solids = wp.min(solids[w].count, 1)
+    if has_solids != 0:
+        for i in range(b.count):
+            meet_solid(i, solids[w], b.reach, b)
+    chain_scores(scenes[w], canopies[w], b, b.apart, b.lines, b.reach)
+    for p in range((b.count + 15) / 16):
+        meet_bodies(p, scenes[w], canopies[w], b, b.reach, has_solids)
+    if aired[w] != 0 or b.flags[0] != 0:
+        needs[0] = 1
 
 
 @wp.struct

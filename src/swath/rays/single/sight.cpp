@@ -2,18 +2,37 @@
 // all that belongs to it may still be above the ground.
 //
 // In: `whole`: addresses of the window table, of the lowest ground of each slot, of origins and directions, of the pages found
-// missing and of the marks of slots seen; nx, ny, table_x, table_y, beams, room for missing pages, reach of stems in tiles; out: how
-// many pages are missing. `real`: side of a tile [m], cos and sin of the stand's yaw, range [m], half a spot's width at the
-// start [m] and per metre.
+// missing, of the marks of slots seen, of the counters of the pages (`memory_layout.REVISION`), of origins and directions that were
+// walked along last; nx, ny, table_x, table_y, beams, room for missing pages, slots, most beams; in and out: pages that had left
+// memory then; out: how many pages are missing, walks. `real`: side of a tile [m], cos and sin of the stand's yaw, range [m], half a
+// spot's width at the start [m] and per metre, where beams are too far away [m], how far they may be from those of the last walk
+// [m, rad] with all its pages still in memory: then there is no need for another one.
 
 const int* table = (const int*)whole.data[0];
 const float* lowest = (const float*)whole.data[1];
 const double *origins = (const double*)whole.data[2], *directions = (const double*)whole.data[3];
 long long* missing = (long long*)whole.data[4];
 unsigned char* seen = (unsigned char*)whole.data[5];
-const long long nx = whole.data[6], ny = whole.data[7], x0 = whole.data[8], y0 = whole.data[9], beams = whole.data[10];
-const long long room = whole.data[11], stems = whole.data[12];
+const long long* counters = (const long long*)whole.data[6];
+double* covered = (double*)whole.data[7];
+const long long nx = whole.data[8], ny = whole.data[9], x0 = whole.data[10], y0 = whole.data[11], beams = whole.data[12];
+const long long room = whole.data[13], stems = counters[3];
 const double tile = real.data[0], c = real.data[1], s = real.data[2], range = real.data[3], width = real.data[4], spread = real.data[5];
+
+const double* middle = origins + 3 * (beams / 2);
+whole.data[17] = 0;
+if (beams == 0) return;
+if (beams > whole.data[15] || !(__builtin_fabs(middle[0]) < real.data[6] && __builtin_fabs(middle[1]) < real.data[6])) {
+  whole.data[17] = -1;
+  return;
+}
+bool is_near = whole.data[16] == counters[2];
+for (long long k = 0; k < 3 * beams && is_near; ++k)
+  is_near = __builtin_fabs(origins[k] - covered[k]) <= real.data[7] && __builtin_fabs(directions[k] - covered[3 * beams + k]) <= real.data[8];
+if (is_near) return;
+++whole.data[18];
+__builtin_memset(seen, 0, whole.data[14]);
+
 constexpr double NEVER = 1.0e30;
 const double side = 8.0 * tile, per_tile = 1.0 / tile;
 long long count = 0;
@@ -69,4 +88,9 @@ for (long long n = 0; n < beams; ++n) {
     t = end;
   }
 }
-whole.data[13] = count;
+whole.data[17] = count;
+if (count == 0) {
+  __builtin_memcpy(covered, origins, 24 * beams);
+  __builtin_memcpy(covered + 3 * beams, directions, 24 * beams);
+  whole.data[16] = counters[2];
+}

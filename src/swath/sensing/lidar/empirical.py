@@ -7,7 +7,7 @@ line). The draw is an optical depth, so crop adds up along the beam wherever it 
 the side wall at the edge, through gaps. Sweeps are independent of each other.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -16,7 +16,7 @@ import numpy as np
 
 from swath.core import portable
 from swath.core.component import Outputs
-from swath.core.errors import InputError, some_of
+from swath.core.errors import InputError, SwathError, some_of
 from swath.core.random import Stream
 from swath.core.registry import Beyond, Checked, KnownError, Level
 from swath.core.together import InWorlds
@@ -24,10 +24,15 @@ from swath.field.crop_sheet import copied_from, load_crop
 from swath.field.field import Field
 from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
-from swath.rays.bodies import BodyCaster
+from swath.field.solid.solids import solid_count
+from swath.kernels import Repeated, of_worlds, start_warp
+from swath.kernels import filled as made
+from swath.rays.bodies import TOP_ROOM
+from swath.rays.field_arrays import LiveScene
+from swath.rays.refusals import check_origins
 from swath.rays.spread import AXES, SpreadTable
 from swath.sensing import AIR
-from swath.sensing.lidar.sweeps import Sweeps, beams_of
+from swath.sensing.lidar.sweeps import Sweeps
 from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, table_names, valid_range
@@ -106,13 +111,17 @@ class Params(OutdoorParams):
 
 
 class TableLidar(InWorlds, ScanningLidar):
-    """A scanner whose beams go into crop as a table says. beam: keywords of `pack_canopy`."""
+    """A scanner whose beams go into crop as a table says.
+
+    beam: keywords of `pack_canopy`; swept: (1,) sweeps so far
+    """
 
     kept = ("ray_count", "_clamped", "_notes", "_window")
     gains = False
     level: ClassVar[str]
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
+        self.swept = np.zeros(1, np.int64)
         super().__init__(params, setup)
         self.params = params
         crop = setup.field.stand.crop
@@ -130,7 +139,6 @@ class TableLidar(InWorlds, ScanningLidar):
         _check_reading(self.table, params, crop, original)
         self.rays = SingleRays(self.scanner)
         beam = self.sheet.beam
-        self.apart = self.scanner.step * np.cos(self.elevation)
         self.beam = {
             "crop_height": load_crop(crop).stand.height,
             "exit_diameter": float(np.mean(beam.exit_diameter)),
@@ -139,15 +147,20 @@ class TableLidar(InWorlds, ScanningLidar):
         self._notes: list[str] = []
         self._clamped = 0
 
-    @classmethod
-    def together(cls, parts: Sequence[Any]) -> Sweeps:
-        """Make one object that steps these parts of many worlds together."""
-        return Sweeps(parts)
-
     @property
     def goes_with(self) -> tuple[bytes, ...]:
-        """The times and directions of its beams."""
-        return beams_of(self)
+        """The times and directions of its beams, and whether it says something of its window."""
+        beams = self.scanner.beam_t, self.azimuth, self.elevation
+        return (*(a.tobytes() for a in beams), bytes(self.scanner.window is not None))
+
+    @property
+    def ray_count(self) -> int:
+        """Since the start."""
+        return int(self.swept[0]) * len(self.azimuth)
+
+    @ray_count.setter
+    def ray_count(self, value: int) -> None:
+        self.swept[0] = value // max(len(self.azimuth), 1)
 
     def begin(self, stream: Stream) -> None:
         """Nothing noted yet."""
@@ -221,30 +234,116 @@ class EmpiricalLidar(TableLidar):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         super().__init__(params, setup)
-        lines = self.scanner.line_count
-        self.caster = BodyCaster(
-            setup.field, self.table, self.rays.beams, self.apart, line_count=lines, **self.beam
-        )
+        self.scene = LiveScene(setup.field, "cpu", top_room=TOP_ROOM + 1e-3, has_plants=False)
         self.sight = self.scanner.sight()
+
+    @classmethod
+    def together(cls, parts: Sequence["EmpiricalLidar"]) -> "Scanners":
+        """Make one object that steps these parts of many worlds together."""
+        return Scanners(parts)
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
-        self.rays.aim(t, origins, rotations)
-        self.sight.ensure(self.rays.beams.origins[: len(origins)], self.rays.beams.directions[: len(origins)])
-        clamped = self.caster.cast_beams(range_max=self.scanner.reach, solids=self.setup.solids())
-        self.ray_count += len(origins)
-        self.note(clamped)
-        beams, count = self.rays.beams, len(origins)
-        met = np.where(beams.kind[:count] > 0, beams.distance[:count], np.nan)[:, None]
-        air = self.air(t, beams.origins[:count], beams.directions[:count], met)
-        if air is not None:
-            self.rays.disturb(air)
-        return self.rays.report(t, origins)
+        alone = self._begun()
+        assert isinstance(alone, Scanners)
+        return alone.scan_from(t, origins, rotations)
+
+    def check_origins(self) -> None:
+        """InputError where a beam of the newest sweep starts under the ground, or where there is none."""
+        check_origins(self.setup.field, self.rays.beams.origins[: self.rays.beams.count])
 
     @property
     def notes(self) -> list[str]:
         """Also what this level leaves out of the field."""
         return [*super().notes, *_unseen(self.setup.field)]
+
+
+class Scanners(Sweeps):
+    """The scanners of many worlds, over pages of the field."""
+
+    def __init__(self, parts: Sequence[EmpiricalLidar]) -> None:
+        super().__init__(parts)
+        self._asks, self._aired = (np.zeros(self.worlds, np.int32) for _ in range(2))
+        self._known = np.zeros((self.worlds, 1), np.int64)
+
+    def casts(self, *scanners: Any) -> Sequence[Repeated]:
+        """The pages that beams get to, then all beams at once."""
+        from swath.rays.kernel.scene import Scene, SolidArrays
+        from swath.rays.sight_kernel import Looking, look
+        from swath.rays.single.kernel import cast_bodies
+
+        self._known[:] = -1
+        self._aired[:] = [part.may_be_disturbed for part in self.parts]
+        self._looking = []
+        for part, known in zip(self.parts, self._known, strict=True):
+            setup, sight, scene = part.setup, part.sight, part.scene
+            scene.shown[:] = -1
+            before = {"counters": setup.field.store.counters, "bodies": setup.bodies.changes, "known": known}
+            looks = {"whole": sight.whole, "real": sight.real, "shown": scene.shown}
+            self._looking.append(made(Looking, growth=1.0 + scene.top_room, **before, **looks))
+        self._scenes: list[Any] = [Scene() for _ in self.parts]
+        self._solids: list[Any] = [SolidArrays() for _ in self.parts]
+        scenes, solids = of_worlds(Scene, self._scenes), of_worlds(SolidArrays, self._solids)
+        self._rows = scenes.numpy(), solids.numpy()  # the same memory
+        asked, looking = (self.needs, self.active), of_worlds(Looking, self._looking)
+        return [
+            self.launch(look, *asked, looking, scenes, self._asks),
+            self.launch(cast_bodies, *asked, self._asks, scenes, solids, *scanners, self._aired),
+        ]
+
+    def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
+        """A scan of the only world, see `EmpiricalLidar.scan_from`."""
+        if self._launches is None:
+            self.link({}, {"state": self._long("state", None)}, self.clock)
+        self.clock[:] = t, t, 0
+        self.parts[0].rays.place(t, origins, rotations)
+        self.counts[:], self.swept[:] = 0, self.swept + 1
+        self.go(1)
+        if self.errors:
+            raise self.errors.pop(0)
+        return {name: row.of(0) for name, row in self.sent_at(t).items()}
+
+    def supply(self, stage: int) -> None:
+        """Also what is not in memory, and what the air does to a sweep."""
+        super().supply(stage)
+        if stage == self._cast - 1:
+            for world in np.flatnonzero(self._asks).tolist():
+                self._try(world, self._bring)
+        elif stage == self._cast:
+            for world in np.flatnonzero((self._aired != 0) & self.active).tolist():
+                self._try(world, self._disturb)
+
+    def _try(self, world: int, supply: Callable[[int], None]) -> None:
+        if world not in self.errors:
+            try:
+                supply(world)
+            except SwathError as error:
+                self.errors[world] = error
+
+    def _bring(self, world: int) -> None:
+        """The pages that its beams get to, and all that it sees as it is now."""
+        wp, part = start_warp(), self.parts[world]
+        beams, setup = part.rays.beams, part.setup
+        part.sight.ensure(beams.origins[: beams.count], beams.directions[: beams.count])
+        if solid_count(solids := setup.solids()) or self._solids[world].count:
+            self._solids[world] = part.scene.solid_arrays(wp, solids)
+        self._scenes[world] = part.scene.refresh(wp)
+        self._rows[0][world] = self._scenes[world].numpy_value()
+        self._rows[1][world] = self._solids[world].numpy_value()
+        is_moving = bool(setup.bodies.beside(setup.name))
+        self._known[world] = -1 if is_moving else setup.bodies.changes[0]
+        self._asks[world] = 0
+
+    def _disturb(self, world: int) -> None:
+        """What the air does to the newest sweep."""
+        part, t = self.parts[world], int(self.clock[1])
+        beams, n = part.rays.beams, part.rays.beams.count
+        met = np.where(beams.kind[:n] > 0, beams.distance[:n], np.nan)[:, None]
+        air = part.air(t, beams.origins[:n], beams.directions[:n], met)
+        if air is not None:
+            part.rays.disturb(air)
+        if (window := part.scanner.window) is not None:
+            self.sent["window"].put(world, window.told)
 
 
 def _unseen(field: Field) -> list[str]:

@@ -23,7 +23,6 @@ from swath.field.memory_layout import PAGE_CUT_CELLS, STANDING
 from swath.field.paging.pages import Codes
 from swath.field.paging.stored_changes import Key
 from swath.field.site_setup import SiteSetup
-from swath.field.solid.solids import NOTHING as FREE_VIEW
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import TILE, HeightGrid, load_height_grid
 from swath.rays.heights import SOLID, UNMEASURED, HeightCaster
@@ -188,20 +187,14 @@ class ReplayLidar(ScanningLidar):
             share=self._share,
             grain=self.params.grain_m,
         )
-        is_reported = solids is FREE_VIEW
-        if is_reported:
-            rays.place(t, origins, rotations)
-            rays.scan_heights(self.caster)
-        else:
-            rays.aim(t, origins, rotations)
-            self.caster.march(beams, solids)
+        rays.aim(t, origins, rotations)
+        self.caster.march(beams, solids)
         while self.watch.lower(beams.cell[:n]):
             self.caster.march(beams, solids)
-            is_reported = False
         self.ray_count += n
         self.beam_count += n
         self.unmeasured_count += int(np.count_nonzero(beams.kind[:n] == UNMEASURED))
-        return rays.outputs(t, origins) if is_reported else rays.report(t, origins)
+        return rays.report(t, origins)
 
     @property
     def notes(self) -> list[str]:

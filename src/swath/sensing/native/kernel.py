@@ -4,7 +4,7 @@ from pathlib import Path
 
 import warp as wp
 
-from swath.rays.single.kernel import Beams, Heights, meet_heights, vectors
+from swath.rays.single.kernel import Beams, vectors
 
 _HERE = Path(__file__).parent
 
@@ -46,7 +46,7 @@ def pose_beams(
     end: wp.float64,
     state_count: int,
     count: int,
-    origins: wp.array(dtype=wp.float64),
+    origins: wp.array(dtype=wp.vec3d),
     rotations: wp.array(dtype=wp.float64),
 ): ...
 
@@ -57,7 +57,7 @@ def sweep(
     mounting: wp.array(dtype=wp.float64),
     beam_t: wp.array(dtype=wp.float64),
     sizes: wp.array(dtype=wp.float64),
-    origins: wp.array(dtype=wp.float64),
+    origins: wp.array(dtype=wp.vec3d),
     rotations: wp.array(dtype=wp.float64),
 ):
     """sizes: end [ns], number of states, number of beams."""
@@ -69,12 +69,15 @@ class Aiming:
     """The beams of a sweep before they have directions.
 
     words: key of the random stream and t
+    mounting, beam_t: as in sweep.cpp
     rotations: (n, 3, 3) of the sensor, flat
     forward: (n, 3) beams in the sensor frame
     is_drawn: 0 = no random numbers
     """
 
     words: wp.array(dtype=wp.uint64)
+    mounting: wp.array(dtype=wp.float64)
+    beam_t: wp.array(dtype=wp.float64)
     rotations: wp.array(dtype=wp.float64)
     forward: wp.array(dtype=wp.vec3d)
     is_drawn: int
@@ -100,17 +103,20 @@ def report(e: Electronics, beams: Beams):
     report_packet(wp.tid(), e, beams)
 
 
-@wp.kernel(enable_backward=False, module="unique")  # compiled where heights are scanned
-def scan_heights(
-    sweep: Aiming,
-    g: Heights,
-    whole: wp.array(dtype=int),
-    real: wp.array(dtype=float),
-    e: Electronics,
-    beams: Beams,
+@wp.kernel(enable_backward=False)
+def report_sweeps(
+    needs: wp.array(dtype=wp.int32),
+    active: wp.array(dtype=wp.bool),
+    electronics: wp.array(dtype=Electronics),
+    beams: wp.array(dtype=Beams),
+    looked_at: wp.array(dtype=wp.int32),
 ):
-    """`aim`, `cast_heights` without solids and `report` in one launch."""
-    p = wp.tid()
-    aim_packet(p, sweep, beams)
-    meet_heights(p, g, whole[0], real[0], real[1], real[2], beams, 0)
-    report_packet(p, e, beams)
+    """One world a thread. looked_at: worlds whose scans Python has to see, which sets `needs`."""
+    w = wp.tid()
+    if not active[w]:
+        return
+    b = beams[w]
+    for p in range((b.count + 15) / 16):
+        report_packet(p, electronics[w], b)
+    if looked_at[w] != 0:
+        needs[0] = 1

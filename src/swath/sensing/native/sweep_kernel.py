@@ -1,32 +1,16 @@
-"""The LiDAR level `profile` as a kernel over worlds."""
+"""From the states of machines to the beams of their scanners, as kernels over worlds."""
 
 import warp as wp
 
-from swath.field.edges.profile_kernel import Profile
-from swath.rays.single.kernel import Beams, Canopy
-from swath.rays.single.profile_kernel import chain_scores_along, meet_profile
-from swath.sensing.native.kernel import Aiming, Electronics, aim_packet, pose_beams, report_packet
-
-
-@wp.struct
-class Sweep:
-    """Of a scanner: mounting and beam_t as in sweep.cpp; angles between neighbours [rad] and lines as in
-    scores.cpp; reach [m]; origins and rotations: of the beams, the memory of `Beams` and `Aiming`.
-    """
-
-    mounting: wp.array(dtype=wp.float64)
-    beam_t: wp.array(dtype=wp.float64)
-    apart: wp.array(dtype=float)
-    lines: int
-    reach: float
-    origins: wp.array(dtype=wp.float64)
-    rotations: wp.array(dtype=wp.float64)
+from swath.rays.single.kernel import Beams
+from swath.sensing.native.kernel import Aiming, aim_packet, pose_beams
 
 
 @wp.kernel(enable_backward=False)
 def take_states(
     clock: wp.array(dtype=wp.int64),
     needs: wp.array(dtype=wp.int32),
+    active: wp.array(dtype=wp.bool),
     head: wp.array(dtype=wp.int64),
     stamps: wp.array(dtype=wp.int64),
     poses: wp.array3d(dtype=wp.float64),
@@ -81,49 +65,29 @@ def take_states(
             last[w, 1 + i] = poses[came - 1, w, i]
     counts[w] = kept
     words[w, 2] = wp.uint64(clock[1])
-    swept[w] += wp.int64(1)
+    if active[w]:
+        swept[w] += wp.int64(1)
     if is_asked != 0:
         needs[0] = 1
 
 
 @wp.kernel(enable_backward=False)
-def scan_profiles(
+def aim_sweeps(
     clock: wp.array(dtype=wp.int64),
-    needs: wp.array(dtype=wp.int32),
-    sweeps: wp.array(dtype=Sweep),
+    active: wp.array(dtype=wp.bool),
     states: wp.array2d(dtype=wp.float64),
     counts: wp.array(dtype=int),
     aimed: wp.array(dtype=Aiming),
-    profiles: wp.array(dtype=Profile),
-    canopies: wp.array(dtype=Canopy),
     beams: wp.array(dtype=Beams),
-    electronics: wp.array(dtype=Electronics),
-    stations: wp.array(dtype=int),
-    looked_at: wp.array(dtype=int),
 ):
-    """One world a thread: a whole sweep. counts: of states; looked_at: worlds whose scans Python has to see.
-
-    needs: set where it has to, or where something is to be said of a beam
-    """
+    """One world a thread. counts: of states, 0 = the beams start where they are."""
     w = wp.tid()
-    sweep = sweeps[w]
+    if not active[w]:
+        return
+    a = aimed[w]
     b = beams[w]
-    packets = (b.count + 15) / 16
-    pose_beams(
-        states[w],
-        sweep.mounting,
-        sweep.beam_t,
-        wp.float64(clock[1]),
-        counts[w],
-        b.count,
-        sweep.origins,
-        sweep.rotations,
-    )
-    for p in range(packets):
-        aim_packet(p, aimed[w], b)
-    chain_scores_along(profiles[w], canopies[w], b, sweep.apart, sweep.lines, sweep.reach, w, stations)
-    for p in range(packets):
-        meet_profile(p, profiles[w], canopies[w], b, sweep.reach, w, stations)
-        report_packet(p, electronics[w], b)
-    if looked_at[w] != 0 or b.flags[0] != 0:
-        needs[0] = 1
+    if counts[w] > 0:
+        end = wp.float64(clock[1])
+        pose_beams(states[w], a.mounting, a.beam_t, end, counts[w], b.count, b.origins, a.rotations)
+    for p in range((b.count + 15) / 16):
+        aim_packet(p, a, b)
