@@ -78,7 +78,7 @@ def test_inside_of_others():
 
 @pytest.mark.parametrize(
     "use",
-    [vars, asdict, hash, repr, deepcopy, replace, pickle.dumps, lambda p: p == Params(), fields],
+    [vars, asdict, hash, repr, deepcopy, replace, pickle.dumps, lambda p: p == Params(**OTHER), fields],
     ids=["vars", "asdict", "hash", "repr", "deepcopy", "replace", "pickle", "equal", "fields"],
 )
 def test_is_like_the_plain_one_and_reads_of_all_of_it_count(use):
