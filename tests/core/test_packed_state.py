@@ -2,6 +2,7 @@
 
 import builtins
 import ctypes
+import gc
 import importlib
 import inspect
 import json
@@ -197,7 +198,17 @@ def everything():
     return found | methods
 
 
+@pytest.fixture
+def nothing_collected():
+    """What tests before left behind is not ended while calls are looked at: a generator is called for it."""
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
 @pytest.mark.draws
+@pytest.mark.usefixtures("nothing_collected")
 def test_every_class_of_swath_is_refused_or_comes_back_as_plain_data_and_nothing_is_called():
     names, called = everything(), set()
     known = {f"{kind.__module__}:{kind.__qualname__}": kind for kind in packed_state.known_types().values()}
