@@ -25,7 +25,7 @@ from swath.core.rows import row_of
 from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, KeepsRows, Samples, field_of
 from swath.core.units import DEG, MM
-from swath.kernels import Repeated, Rows, filled, of_worlds, repeatable, shared, start_warp
+from swath.kernels import Repeated, Rows, filled, of_worlds, shared, start_warp
 from swath.signals import CropEdge, Inertial, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
 
@@ -171,7 +171,7 @@ class Detectors(KeepsRows, Compiled):
         kept = self._tracks, self._seen, self._heights, scratch, self._logs, self._scores, indices
         about = self._settings.array, self._offsets, shared(self._mountings)
         given = [*about, *asked, *beams, self._states.array, *map(shared, (*kept, self._edges))]
-        return [*first, repeatable(kernel.detect, given, threads=n)]
+        return [*first, self.launch(kernel.detect, *given)]
 
     def calls(self) -> Sequence[Call] | None:
         """None where angles of beams come with every scan: they are looked at in Python."""

@@ -15,7 +15,7 @@ from swath.core.random import Stream
 from swath.core.rows import row_of
 from swath.core.together import Samples
 from swath.core.units import KMH
-from swath.kernels import Repeated, Rows, repeatable, shared
+from swath.kernels import Repeated, Rows, shared
 from swath.signals import CropEdge, GuidanceState, Odometry, SpeedCommand
 
 # of `bound_speeds`
@@ -63,7 +63,7 @@ class EdgeGuards(Compiled):
         led = self.column("guidance", "is_following", otherwise=False)
         command = shared(self.sent["command"].arrays["speed"])
         given += [*edge, self.column("odometry", "speed"), led, command]
-        return [repeatable(bound_speeds, given, threads=self.worlds)]
+        return [self.launch(bound_speeds, *given)]
 
     def supply(self, stage: int) -> None:
         """Machines that stopped because they no longer saw the edge."""

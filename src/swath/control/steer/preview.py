@@ -40,7 +40,7 @@ from swath.core.registry import Checked, Level
 from swath.core.rows import row_of
 from swath.core.together import InWorlds, KeepsRows, Samples
 from swath.core.units import CM, DEG
-from swath.kernels import Repeated, Rows, repeatable, shared
+from swath.kernels import Repeated, Rows, shared
 from swath.signals import CropEdge, Inertial, Odometry, SteerCommand
 from swath.signals.setup import ControlSetup
 
@@ -162,9 +162,9 @@ class Steerers(KeepsRows, Compiled):
         command = map(shared, self.sent["command"].arrays.values())
         law = [self._laws.array, *own, *rows, self._states.array, *command]
         return [
-            repeatable(kernel.gather, gather, threads=self.worlds),
+            self.launch(kernel.gather, *gather),
             *memories,
-            repeatable(kernel.steer, law, threads=self.worlds),
+            self.launch(kernel.steer, *law),
         ]
 
     def commanded(self, world: int, curvature: float) -> None:

@@ -19,7 +19,7 @@ from swath.core.registry import Level
 from swath.core.together import InWorlds, Samples
 from swath.core.units import KMH
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, filled, of_worlds, repeatable, shared
+from swath.kernels import Repeated, filled, of_worlds, shared
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import loop_of
 from swath.machine.machine_sheet import dynamics_of
@@ -68,7 +68,7 @@ class Vehicles(OnGround):
         self._vehicles = of_worlds(kernel.Vehicle, [_vehicle(kernel, part.machine) for part in parts])
         moving = self.tracks.array, self.stands.array, shared(self._steer)
         inputs = [self.grounds, self._vehicles, *moving, shared(self.table), shared(self.needs)]
-        self.stand = repeatable(kernel.stand_on, inputs, threads=self.worlds)
+        self.stand = self.launch(kernel.stand_on, *inputs)
 
     def launches(self) -> Sequence[Repeated]:
         """Drive one arc, then stand on the ground there."""
@@ -76,7 +76,7 @@ class Vehicles(OnGround):
 
         given = [self._vehicles, *self.asked(), shared(self.clock), shared(self.needs)]
         moving = [self.tracks.array, self.stands.array, shared(self._steer)]
-        return [repeatable(kernel.drive_arcs, [*given, *moving], threads=self.worlds), self.stand]
+        return [self.launch(kernel.drive_arcs, *given, *moving), self.stand]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Stand at the start pose."""

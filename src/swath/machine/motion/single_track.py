@@ -18,7 +18,7 @@ from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, Samples
 from swath.core.units import DEG_PER_G, KMH, MS
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, Rows, repeatable, shared
+from swath.kernels import Repeated, Rows, shared
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import loop_of
 from swath.machine.machine_sheet import MachineSheet, dynamics_of, loaded
@@ -142,25 +142,25 @@ class Cars(OnGround):
         if parts[0].params.wheel_slip:
             self._slips = np.zeros((2, n))  # forces of driven wheels over their load, slips for them
             given = [shared(self._slips[0]), self._firm.array, shared(self._slips[1])]
-            self._slip_under = repeatable(kernel.slip_under, given, threads=n)
+            self._slip_under = self.launch(kernel.slip_under, *given)
         self._grain, self._again, self._sought = np.zeros(n), np.zeros(1, np.int32), np.zeros((n, 3))
         rows = [row.array for row in (self._cars, self.tracks, self.stands)]
-        self.stand = repeatable(stand_cars, [self.grounds, *rows, shared(self.table)], threads=n)
+        self.stand = self.launch(stand_cars, self.grounds, *rows, self.table)
 
     def launches(self) -> Sequence[Repeated]:
         """Look what is in the tank, drive on."""
         from swath.machine.motion import single_track_step_kernel as kernel
 
-        n, needs = self.worlds, shared(self.needs)
+        needs = shared(self.needs)
         bodies = [self.grounds, self._cars.array, self._loops.array, self._tractions.array]
         flags = [shared(self.clock), needs, shared(self._again), shared(self._sought)]
         rows = [row.array for row in (self._moments, self.tracks, self.stands)]
         given = [*bodies, *self.asked(), *flags, *rows, shared(self.table)]
-        self._drive = repeatable(kernel.drive, given, threads=n)
+        self._drive = self.launch(kernel.drive, *given)
         if "load" not in self.given:
             return [self._drive]
         weight = [self.column("load", "tank_grain"), shared(self._grain), GRAIN_STEP, needs]
-        return [repeatable(kernel.weigh, weight, threads=n), self._drive]
+        return [self.launch(kernel.weigh, *weight), self._drive]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Stand (or roll straight) at the start pose, tyres without slip, the tank empty."""
