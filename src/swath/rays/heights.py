@@ -61,13 +61,13 @@ class HeightCaster:
             refuse_below(o, self.grid.ground_height(o[:, 0], o[:, 1]))
 
     def _prepare(self, beams: BeamBuffer) -> Any:
-        from swath.rays.single.kernel import cast_heights
+        from swath.rays.single.heights_kernel import cast_heights
 
         inputs = [self._make_scene(), shared(self._whole), shared(self._real), beams.struct()]
         return beams.record(cast_heights, inputs)
 
     def _make_scene(self) -> Any:
-        from swath.rays.single.kernel import Heights
+        from swath.rays.single.heights_kernel import Heights
 
         g, cells = self.grid, self.cells
         tops = block_tops(g) if self.skips else np.full(np.array(g.ground.shape) - 1, np.inf, np.float32)

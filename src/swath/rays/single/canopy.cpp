@@ -45,7 +45,7 @@ auto area_above = [&](F relative) -> F {  // per stem above a relative height [m
 
 // ---- The table: fill in the optical depth of beams that meet crop here
 struct Place { I node; F share; I outside; };
-auto place = [&](const auto& grid, int first, int nodes, F value) -> Place {  // lower node on an axis, share of the way to the next
+auto place = [&](const auto& grid, int first, int nodes, F value) __attribute__((noinline)) -> Place {  // lower node on an axis, share of the way to the next
   const float* axis = grid.axes.data + first;
   if (nodes < 2) return {I{}, F{}, size_of(value - axis[0]) > 0.1f};
   I k = {};
@@ -67,7 +67,7 @@ auto from_side = [&](I who, F depth, F entry, F spot) -> F {
   return exp_of(middle + factor * off);
 };
 // height: of the crop or its stubble [m]; top: relative height below which crop adds up; flag: of its first axis
-auto draw = [&](I who, const auto& grid, int flag, F density, F scale, F height, F top, F tangent, F spot) {
+auto draw = [&](I who, const auto& grid, int flag, F density, F scale, F height, F top, F tangent, F spot) __attribute__((noinline)) {
   const int n0 = grid.size[0], n1 = grid.size[1], n2 = grid.size[2], n3 = grid.size[3], nodes = canopy.node_count;
   const Place at[4] = {place(grid, 0, n0, log_of(pick(who, density, put(1.0f)))), place(grid, n0, n1, flag == 1 ? height : log_of(pick(who, height, put(1.0f)))),
                        place(grid, n0 + n1, n2, log_of(pick(who, tangent, put(1.0f)))),
