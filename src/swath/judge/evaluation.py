@@ -24,7 +24,7 @@ from swath.judge.evaluator import (
     TakesSeen,
     is_among,
 )
-from swath.judge.limits import NO_SAMPLE, check_metric, check_samples, entry_of, window_of
+from swath.judge.limits import NO_SAMPLE, OF_WINDOWS, check_metric, check_samples, entry_of, window_of
 from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns, restore, state_of
 from swath.record.message_factory import RecordedMachine
 from swath.record.tracks import Column
@@ -137,9 +137,10 @@ class Evaluation:
             evaluator.take(seen.of_machine(machine))
 
     @property
-    def reads_tracks(self) -> bool:
-        """Whether a limit is on a column of the tracks."""
-        return any(e.limit.hold is not None for e in self.expect)
+    def read_columns(self) -> frozenset[str]:
+        """Columns of the tracks that limits read."""
+        limits = [e for e in self.expect if e.limit.hold is not None]
+        return frozenset(c for e in limits for c in (e.name, *e.limit.while_, *OF_WINDOWS))
 
     @property
     def shared(self) -> dict[str, Any]:

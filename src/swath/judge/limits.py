@@ -20,6 +20,7 @@ from swath.terminal.outcome import exit_code, result_of
 
 Outcome = tuple[float | None, str]  # value, and why it fails, "" where it passes
 NOTHING = "nothing was measured"
+OF_WINDOWS = ("distance_m", "t_s")  # columns of the tracks that say when a window is open
 NO_SAMPLE = "the window never opened: no sample lies in it"
 
 
@@ -68,7 +69,8 @@ def check_samples(limit: Limit, tracks: Mapping[str, F64], name: str, event: Eve
     unknown = [c for c in (name, *limit.while_) if c not in tracks]
     if unknown:
         return None, f"the machine has no column {', '.join(unknown)}"
-    chosen = np.array(window_of(limit).inside(event, tracks["distance_m"], tracks["t_s"]), dtype=bool)
+    distance, t = (tracks[c] for c in OF_WINDOWS)
+    chosen = np.array(window_of(limit).inside(event, distance, t), dtype=bool)
     if not chosen.any():
         return None, NO_SAMPLE
     for column, bounds in limit.while_.items():

@@ -2,7 +2,7 @@
 
 import json
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,7 +42,7 @@ class Recorder:
 
     folder: exists already. machines: whose slots (`name.slot`) are recorded, and the scene with them; slots
         of other names are not
-    extra: per machine name, further columns of tracks.parquet
+    extra: per machine name, further columns of tracks.parquet; only: columns that are read, None = all
     detail: `none`: no file, the tracks are in memory alone; `standard`: a message of every sample; `exact`:
         the samples bit for bit beside them; `full`: those of the large truth, too; `thinned`: as `exact` with
         messages at most 10 times a second, of scans 5 times, of large truth 2.5 times. Taps of the file hear
@@ -59,11 +59,12 @@ class Recorder:
         machines: Sequence[RecordedMachine],
         *,
         extra: Mapping[str, Sequence[Column]] | None = None,
+        only: Collection[str] | None = None,
         detail: str = "exact",
         scenario: str = "",
     ) -> None:
         self.folder = folder
-        self._machines, self._more = machines, extra or {}
+        self._machines, self._more, self._only = machines, extra or {}, only
         self.file = McapFile(folder / RECORDING_FILE) if detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
@@ -133,7 +134,8 @@ class Recorder:
 
     @cached_property
     def _tracks(self) -> dict[str, Tracks]:
-        return {m.name: Tracks(m, PERIOD, tuple(self._more.get(m.name, ()))) for m in self._machines}
+        more = self._more
+        return {m.name: Tracks(m, PERIOD, tuple(more.get(m.name, ())), self._only) for m in self._machines}
 
     @property
     def left_out(self) -> str:

@@ -7,7 +7,7 @@ number that has no declared column has one by rule, behind all others (`sent_col
 """
 
 import json
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -220,11 +220,20 @@ class Tracks(Mapping[str, np.ndarray]):
     sent before. Samples have their type as a key, those of a further output of that type its name.
 
     extra: further columns, e.g. of the evaluators
+    only: names of the columns that somebody reads, None = all; one that is made of others needs all
     """
 
-    def __init__(self, machine: RecordedMachine, period: int, extra: tuple[Column, ...] = ()) -> None:
+    def __init__(
+        self,
+        machine: RecordedMachine,
+        period: int,
+        extra: tuple[Column, ...] = (),
+        only: Collection[str] | None = None,
+    ) -> None:
         self.machine = machine
-        self.columns = (*machine_columns(machine), *extra, *sent_columns(machine.outputs))
+        every = (*machine_columns(machine), *extra, *sent_columns(machine.outputs))
+        asked = [column for column in every if only is None or column.name in only]
+        self.columns = every if any(column.later for column in asked) else tuple(asked)
         self._places = {column.name: place for place, column in enumerate(self.columns)}
         self._sources: dict[Any, list[tuple[int, Column]]] = {}  # places and columns, by key
         for place, column in enumerate(self.columns):

@@ -274,17 +274,18 @@ class Running:
         self.digest = Digest()
         self.evaluation = make_evaluation(world)
         self.changes = Interventions(world, allow)
+        has_all = detail != "none" or any(hook.READS_TRACKS for hook in hooks)
+        read = self.evaluation.read_columns
         self.recorder = Recorder(
             out or Path(),
             list(recorded.values()),
             extra={name: self.evaluation.columns(name) for name in recorded},
+            only=None if has_all else read,
             detail=detail,
             scenario="" if out is None else world.scenario.resolved(),
         )
         self.observers: list[Observer] = [self.digest, self.evaluation]
-        self.has_tracks = (
-            detail != "none" or any(hook.READS_TRACKS for hook in hooks) or self.evaluation.reads_tracks
-        )
+        self.has_tracks = has_all or bool(read)
         if self.has_tracks:
             self.observers.append(self.recorder)
         self.start: Start | None = None
