@@ -1,7 +1,7 @@
 """What a simulated second takes, in counts that no clock and no other load moves.
 
-python -m benchmarks.counts [--scenario straight] [--seconds 1] [--record none] [--set KEY=VALUE ...]
-    [--modules] [--start WORDS]
+python -m benchmarks.counts [--scenario straight] [--seconds 1] [--record none] [--worlds 1]
+    [--set KEY=VALUE ...] [--modules] [--start WORDS]
 
 Counted are, of the longer of two runs less the shorter: bytecodes that the interpreter executed; calls of
 Python functions, those of comprehensions and generators among them; returns from compiled code to Python,
@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
@@ -79,13 +79,19 @@ class Counting:
         return self._executed
 
 
-def run(scenario: str, sets: Mapping[str, str], seconds: float, record: str) -> None:
-    """A run from its start to its end."""
+def run(scenario: str, sets: Mapping[str, str], seconds: float, record: str, worlds: int = 1) -> None:
+    """A run from its start to its end, or worlds of seeds of their own."""
+    import swath
     from swath.api import load_scenario
     from swath.core.process.collector import collected_rarely
     from swath.runtime.job import run_job, run_unrecorded
 
-    made = load_scenario(scenario, sets={**sets, "run.max_duration_s": seconds, "run.record": record})
+    own = {**sets, "run.max_duration_s": seconds, "run.record": record}
+    if worlds > 1:
+        with collected_rarely():
+            deque(swath.worlds(scenario, n=worlds, sets=own), 0)
+        return
+    made = load_scenario(scenario, sets=own)
     with tempfile.TemporaryDirectory() as folder, collected_rarely():
         if record == "none":
             run_unrecorded(made)
@@ -93,23 +99,23 @@ def run(scenario: str, sets: Mapping[str, str], seconds: float, record: str) -> 
             run_job(made, Path(folder) / "run")
 
 
-def counted(scenario: str, sets: Mapping[str, str], seconds: float, record: str) -> Counting:
+def counted(scenario: str, sets: Mapping[str, str], seconds: float, record: str, worlds: int) -> Counting:
     """What it takes."""
     from swath.core.graph import Lockstep
     from swath.core.ops import Program
 
     with Counting({Program.go_on.__code__: WALKS, Lockstep._step.__code__: STEPS}) as counting:
-        run(scenario, sets, seconds, record)
+        run(scenario, sets, seconds, record, worlds)
     return counting
 
 
 def of_a_second(
-    scenario: str, sets: Mapping[str, str], seconds: float, record: str
+    scenario: str, sets: Mapping[str, str], seconds: float, record: str, worlds: int = 1
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Counts per simulated second, once what is made only once is made; and bytecodes by module."""
-    run(scenario, sets, BEGIN_S + seconds, record)
-    longer = counted(scenario, sets, BEGIN_S + seconds, record)
-    shorter = counted(scenario, sets, BEGIN_S, record)
+    run(scenario, sets, BEGIN_S + seconds, record, worlds)
+    longer = counted(scenario, sets, BEGIN_S + seconds, record, worlds)
+    shorter = counted(scenario, sets, BEGIN_S, record, worlds)
     longer.counts.subtract(shorter.counts)
     longer.bytecodes.subtract(shorter.bytecodes)
     modules = Counter[str]()
@@ -180,6 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--scenario", default="straight")
     parser.add_argument("--seconds", type=float, default=1.0, help="simulated time that is counted")
     parser.add_argument("--record", default="none", choices=("none", "standard", "exact", "full"))
+    parser.add_argument("--worlds", type=int, default=1, help="so many in step; unrecorded where more than 1")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--modules", action="store_true", help="how many bytecodes each module executes")
     parser.add_argument("--start", metavar="WORDS", help="what this command line takes from the import on")
@@ -191,7 +198,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     if options.inside:
         sets = SETS | dict(text.split("=", 1) for text in options.set)
-        print(json.dumps(of_a_second(options.scenario, sets, options.seconds, options.record)))
+        print(
+            json.dumps(of_a_second(options.scenario, sets, options.seconds, options.record, options.worlds))
+        )
         return
     show(given)
     show_middle()
