@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from swath.core import portable
 from swath.core.random import Normals, Stream
 from swath.kernels import Repeated, repeatable, shared
 
@@ -33,8 +34,7 @@ class AllNormals:
         """
         from swath.sensing.native.normals_kernel import draw_normals
 
-        widths, bounds = ziggurat()
-        given = (self._keys, counter.view(np.uint64), widths, bounds, self._rows, self._slow, needs)
+        given = (self._keys, counter.view(np.uint64), *ziggurat(), self._rows, self._slow, needs)
         return repeatable(draw_normals, [shared(array) for array in given])
 
     def finish(self, counter: int) -> None:
@@ -44,8 +44,9 @@ class AllNormals:
 
 
 @cache
-def ziggurat() -> tuple[Any, Any]:
-    """Widths of numpy's levels over ONE, and how far of ONE a number of each is taken without more.
+def ziggurat() -> tuple[Any, Any, Any]:
+    """Widths of numpy's levels over ONE, heights of the density there (the greatest is 1), and how far of ONE
+    a number of each level is taken without more.
 
     numpy gives the widths: given a word of the level and a power of two it returns their product.
     """
@@ -58,9 +59,11 @@ def ziggurat() -> tuple[Any, Any]:
     widths = np.roll(numbers, 2)
     bounds = (np.roll(widths, 1) / widths * ONE).astype(np.int64) - DOUBT
     bounds[1] = 0
+    heights = portable.exp(-0.5 * (widths * ONE) ** 2)
+    heights[0] = 1.0
     if (np.diff(widths[1:]) <= 0.0).any():  # another numpy, which then draws all itself
-        bounds[:] = 0
-    return widths, bounds
+        bounds[:], heights[:] = 0, np.nan
+    return widths, heights, bounds
 
 
 def _untempered(words: np.ndarray) -> np.ndarray:

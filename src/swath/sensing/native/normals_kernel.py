@@ -15,6 +15,7 @@ def numpys_normals(
     keys: wp.array2d(dtype=wp.uint64),
     counter: wp.array(dtype=wp.uint64),
     widths: wp.array(dtype=wp.float64),
+    heights: wp.array(dtype=wp.float64),
     bounds: wp.array(dtype=wp.int64),
     rows: wp.array2d(dtype=wp.float64),
     slow: wp.array(dtype=wp.bool),
@@ -27,10 +28,11 @@ def draw_normals(
     keys: wp.array2d(dtype=wp.uint64),
     counter: wp.array(dtype=wp.uint64),
     widths: wp.array(dtype=wp.float64),
+    heights: wp.array(dtype=wp.float64),
     bounds: wp.array(dtype=wp.int64),
     rows: wp.array2d(dtype=wp.float64),
     slow: wp.array(dtype=wp.bool),
     needs: wp.array(dtype=int),
 ):
     """All streams in one thread."""
-    numpys_normals(keys, counter, widths, bounds, rows, slow, needs)
+    numpys_normals(keys, counter, widths, heights, bounds, rows, slow, needs)
