@@ -13,7 +13,7 @@ from swath.core.ops import Call
 from swath.core.rows import Row, Trail, row_like, row_of
 from swath.core.signal import Signal
 from swath.core.together import Given, Samples, field_of
-from swath.kernels import Repeated, repeatable, shared
+from swath.kernels import Repeated, over_rows, repeatable, shared
 
 Ints = NDArray[np.int64]
 ROOM = 8  # samples of an input with a history for which there is room at first
@@ -58,8 +58,7 @@ class Compiled(ABC):
 
     def launch(self, kernel: Any, *given: Any) -> Repeated:
         """A launch of a kernel, a thread for each world. given: arrays of Python or of Warp, structs."""
-        inputs = [shared(value) if isinstance(value, np.ndarray) else value for value in given]
-        return repeatable(kernel, inputs, threads=self.worlds)
+        return over_rows(self.worlds, kernel, *given)
 
     def supply(self, stage: int) -> None:
         """Do what a launch, by its place among them, did not that set `needs`."""

@@ -96,9 +96,18 @@ def filled(kind: Any, device: str = "cpu", /, **members: Any) -> Any:
     return struct
 
 
-def exact_code(file: Path) -> str:
-    """The body of a native function that has `ExactSum` and `exact_length` of exact.cpp."""
-    return "\n".join(f.read_text(encoding="utf-8") for f in (Path(__file__).parent / "exact.cpp", file))
+def filled_by(kind: Any, owner: Any) -> Any:
+    """The same, of what an object has under their names; a member that it has not is empty."""
+    return filled(kind, **{name: getattr(owner, name) for name in kind.vars if hasattr(owner, name)})
+
+
+def exact_code(file: Path, *before: Path) -> str:
+    """The body of a native function that has `ExactSum` and `exact_length` of exact.cpp.
+
+    before: files of what else it has
+    """
+    every = (Path(__file__).parent / "exact.cpp", *before, file)
+    return "\n".join(each.read_text(encoding="utf-8") for each in every)
 
 
 def address(array: Any) -> int:
@@ -186,6 +195,12 @@ def launch_on(kernel: Any, numbers: Any) -> Callable[[], Any]:
     """A repeatable launch on the CPU of a kernel whose one input is an array of float64, shared with it."""
     wp = start_warp()
     return repeatable(kernel, [wp.array(numbers, dtype=wp.float64, device="cpu", copy=False)]).launch
+
+
+def over_rows(threads: int, kernel: Any, *given: Any) -> "Repeated":
+    """As `repeatable`. given: arrays of Python or of Warp, structs, numbers."""
+    inputs = [shared(value) if isinstance(value, np.ndarray) else value for value in given]
+    return repeatable(kernel, inputs, threads=threads)
 
 
 Numbered = tuple[Any, Any, Callable[[], Any]]

@@ -5,9 +5,9 @@ import pytest
 
 from swath.core.errors import InputError
 from swath.field.cutting.cut_result import Cut
+from swath.field.cutting.height_bounds import update_tops
 from swath.field.edges.edge import GapParams, StraightEdge, TeethParams
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, different_pages
-from swath.field.paging.height_bounds import update_tops
 from swath.field.stand import maps, uniform
 from tests.field.made_field import CROP, library, made_field, rectangle
 

@@ -77,6 +77,31 @@ def test_straw_lifts_the_surface_of_its_tiles():
     assert field.ground_height(0.0, 0.0) == 0.0
 
 
+def test_bumps_are_what_ground_and_straw_rise_above_the_plane_of_each_tile():
+    rng, field = np.random.Generator(np.random.Philox(5)), made_field()
+    for x, y, heading in rng.uniform(-20.0, 20.0, (40, 3)):
+        field.deposit_straw(rectangle(x, y, x + 1.4, y + 2.0), 3.0, heading=heading)
+    p, size, n = field.pages, field.library.tile_size, 8
+    offset = (np.arange(n + 1) / n - 0.5) * size
+    for slot in field.store.keys.values():
+        surface = (p.ground[slot] + p.straw[slot]).astype(float)
+        for row, column in np.ndindex(8, 8):
+            height, slope_x, slope_y = p.tile_plane[slot, row, column].astype(float)
+            nodes = surface[n * row : n * row + n + 1, n * column : n * column + n + 1]
+            bump = (nodes - (height + slope_x * offset + slope_y * offset[:, None])).max()
+            assert p.tile_bump[slot, row, column] == np.float32(bump)
+
+
+def test_a_polygon_larger_than_the_memory_that_is_kept_is_laid_whole():
+    whole, parts = made_field(stand=NORTH), made_field(stand=NORTH)
+    whole.deposit_straw(rectangle(-6.0, -40.0, 6.0, 40.0), 100.0)
+    for k in range(80):
+        parts.deposit_straw(rectangle(-6.0, k - 40.0, 6.0, k - 39.0), 1.25)
+    assert whole.straw_kg == pytest.approx(100.0, rel=1e-9)
+    places = np.meshgrid(np.arange(-5.0, 5.0), np.arange(-38.0, 38.0))
+    assert depth_at(whole, *places) == pytest.approx(depth_at(parts, *places), rel=0.3)
+
+
 def test_straw_that_cannot_be_is_refused_and_none_is_nothing():
     field = made_field()
     place = rectangle(0.0, 0.0, 1.0, 1.0)

@@ -13,10 +13,15 @@ from swath.field.ground.footprint import Footprint
 from swath.field.moisture import Moisture
 from swath.field.site_setup import SiteSetup
 from swath.machine.machine_sheet import MachineSheet, load_machine
-from swath.machine.sweep import signed_area
 
 STREAM = Stream(1, "test")
 NODE = 1.0 / 64.0  # of the lattice on which a footprint reads heights [m]
+
+
+def signed_area(polygon):
+    """Area [m2] of a polygon, > 0 when anticlockwise."""
+    x, y = (np.array(polygon) - polygon[0]).T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 @dataclass
@@ -46,6 +51,9 @@ class Ground:
         area = signed_area(polygon)
         self.cuts.append(np.array(polygon))
         return Cut(0.8 * area, 0.6 * area, int(500 * area), area)
+
+    def lend(self, tasks, world):
+        """Compiled code does not know it."""
 
     def deposit_grain(self, x, y, mass_kg):
         self.grain.append((x, y, mass_kg))

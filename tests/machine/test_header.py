@@ -6,10 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swath.core.frames import Pose
+from swath.field.cutting.cut_result import Cut
+from swath.field.edges.edge import StraightEdge
+from swath.field.memory_layout import REVISION
 from swath.machine.header.fixed_height import FixedHeightHeader, Params
-from swath.machine.sweep import signed_area, swept
+from swath.machine.sweep import Sweeps, numbered
 from swath.signals import MachineState
-from tests.machine.machine_fakes import STREAM, Ground, site
+from tests.field.made_field import made_field
+from tests.machine.machine_fakes import STREAM, Ground, signed_area, site
 
 
 def state(x, y, yaw, t=0):
@@ -108,9 +112,59 @@ def test_every_part_is_convex_and_anticlockwise(dx, dy, turn):
     before = np.array([[0.0, 6.0], [0.0, -6.0]])
     c, s = math.cos(turn), math.sin(turn)
     after = before @ np.array([[c, s], [-s, c]]) + (dx, dy)
-    for part in swept(before.tolist(), after.tolist()):
-        part = np.array(part)
+    for corners, area, _ in Sweeps(2, [-1.0]).between(before.tolist(), after.tolist()):
+        part = np.array(corners)
         rolled, further = np.roll(part, -1, axis=0), np.roll(part, -2, axis=0)
         a, b = rolled - part, further - rolled
         assert np.all(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] >= -1e-9)
-        assert signed_area(part) > 0
+        assert 0.0 < area == pytest.approx(signed_area(part))
+
+
+def line_ends(pose, x, *abeam):
+    """World xy of the ends of a line across the machine [m]."""
+    return [[pose[k] * x + pose[k + 1] * y + pose[(k - 3) // 3] for k in (3, 6)] for y in abeam]
+
+
+def drawn_way(rng, steps):
+    """Poses of a machine, 0 to 6 a step: ahead, back, about a point of the knife, at rest."""
+    x, y, yaw = rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0), rng.uniform(-3.0, 3.0)
+    for _ in range(steps):
+        ahead, turn = rng.choice([0.03, 0.03, -0.03, 0.0, 2.0]), rng.choice([0.0, 0.0, 0.02, -0.1])
+        states = []
+        for _ in range(rng.integers(0, 7)):
+            x, y, yaw = x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), yaw + turn
+            states.append(state(x, y, yaw))
+        yield tuple(states)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_step_takes_what_the_field_cuts_of_each_polygon(seed, monkeypatch):
+    """To the bit, and both fields hold the same after it: pages in the order in which they were used, too."""
+    rng = np.random.Generator(np.random.Philox(seed))
+    own, other = (made_field(page_limit=12, edge=StraightEdge(x_m=-200.0, y_m=-250.0)) for _ in range(2))
+    header, way = FixedHeightHeader(Params(), site(own)), Sweeps(2, [Params().sweep_step_m])
+    header.reset(STREAM)
+    way.widen(6)
+    asked, cut, polygons = [], own.cut, 0
+    monkeypatch.setattr(own, "cut", lambda *given: asked.append(given) or cut(*given))
+    for number, states in enumerate(drawn_way(rng, 60)):
+        poses = [[*s.pose.position, *s.pose.rotation.ravel()] for s in states]
+        way.counts[0] = len(poses)
+        way.lines[0, : len(poses)] = [line_ends(pose, *header.knife) for pose in poses] or 0.0
+        way.launch.launch()
+        taken = Cut()
+        for polygon, *_ in numbered(way.polygons[0, : way.found[0]]):
+            taken += other.cut(polygon, Params().cutting_height_m)
+            polygons += 1
+        flow = header.step(number, 20_000_000, {"state": states})["flow"]
+        assert (flow.grain, flow.straw, flow.area) == (taken.grain, taken.straw, taken.area)
+        assert (flow.stem_count, flow.left_grain) == (taken.stem_count, taken.grain_left)
+        if number % 20 == 19:
+            own.ensure(*(far := rng.uniform(-90.0, 90.0, 2)), 10.0)
+            other.ensure(*far, 10.0)
+    assert own.recount().area > 100.0
+    assert 0 < len(asked) < 0.3 * polygons  # the others are cut by compiled code
+    assert own.recount() == other.recount()
+    assert own.pages.counters[REVISION] == other.pages.counters[REVISION]
+    assert own.store.recut == other.store.recut
+    assert list(own.store.keys) == list(other.store.keys)

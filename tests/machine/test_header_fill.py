@@ -7,8 +7,7 @@ from swath.field.cutting.cut_result import Cut
 from swath.machine.header.fixed_height import FixedHeightHeader, Params
 from swath.machine.header.height_control import HeightControlHeader
 from swath.machine.header.height_control import Params as HeightParams
-from swath.machine.sweep import signed_area
-from tests.machine.machine_fakes import STREAM, Ground, site
+from tests.machine.machine_fakes import STREAM, Ground, signed_area, site
 from tests.machine.test_header import state
 
 CELL = 1.0 / 64.0  # of the field [m]

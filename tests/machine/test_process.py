@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from swath.core.frames import Pose
+from swath.field.field import Field
+from swath.field.memory_layout import REVISION
 from swath.machine.compensated_sum import Total
 from swath.machine.process.constant import ConstantProcess, Params
-from swath.machine.sweep import signed_area
 from swath.signals import CropFlow, MachineState
-from tests.machine.machine_fakes import STREAM, Ground, site
+from tests.field.made_field import made_field
+from tests.machine.machine_fakes import STREAM, Ground, signed_area, site
 
 
 def state(x, yaw=0.0):
@@ -76,6 +78,42 @@ def test_saved_process_goes_on_exactly():
     before = len(ground_one.straw)
     assert run(one, 100, offset=57) == run(two, 100, offset=57)
     assert [m for _, m in ground_two.straw] == [m for _, m in ground_one.straw[before:]]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_compiled_code_lays_what_the_field_lays_of_each_polygon(seed, monkeypatch):
+    """To the bit, and both fields hold the same after it: pages in the order in which they were used, too."""
+    rng = np.random.Generator(np.random.Philox(seed))
+    fields = own, other = [made_field(page_limit=12) for _ in range(2)]
+    parts = [ConstantProcess(Params(), site(field)) for field in fields]
+    monkeypatch.setattr(other, "lend", lambda *_: None)
+    asked, lay = {id(field): 0 for field in fields}, Field.deposit_straw
+
+    def counted(field, *given, **more):
+        asked[id(field)] += 1
+        lay(field, *given, **more)
+
+    monkeypatch.setattr(Field, "deposit_straw", counted)
+    for part in parts:
+        part.reset(STREAM)
+    x, y, yaw = rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0), rng.uniform(-3.0, 3.0)
+    for number in range(300):
+        ahead, turn = rng.choice([0.08, 0.2, -0.1, 0.0, 0.4]), rng.choice([0.0, 0.0, 0.03, -0.1])
+        x, y, yaw = x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), yaw + turn
+        where = MachineState(0, Pose.from_euler((x, y, 0.0), yaw=yaw), 2.0, 0.0, 0.0, 0.0, 0.0)
+        given = {"flow": (flow(0.1, rng.choice([0.0, 0.06, 0.2])),), "state": where}
+        loads = [part.step(number, 100_000_000, given)["load"] for part in parts]
+        assert loads[0] == loads[1]
+        if number % 40 == 39:
+            far = rng.uniform(-90.0, 90.0, 2)
+            for field in fields:
+                field.ensure(*far, 10.0)
+    assert own.straw_kg == other.straw_kg == pytest.approx(loads[0].dropped_straw, rel=0.05)
+    assert 0 < asked[id(own)] < 0.2 * asked[id(other)]  # the others are laid by compiled code
+    assert own.pages.counters[REVISION] == other.pages.counters[REVISION]
+    assert list(own.store.keys) == list(other.store.keys)
+    for pool in ("straw", "tile_bump"):
+        assert getattr(own.pages, pool).tobytes() == getattr(other.pages, pool).tobytes()
 
 
 def test_totals_stay_exact_over_hours():

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swath.field.cutting.height_bounds import update_tops
 from swath.field.memory_layout import REVISION, Organ
-from swath.field.paging.height_bounds import update_tops
 from swath.field.stand import uniform
 from swath.field.wind import Sway, Wind, make_sway
 from swath.rays.engine import RayCaster

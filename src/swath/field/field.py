@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import fields
-from functools import partial
+from functools import cached_property, partial
 from math import fsum, isfinite
 from typing import Any
 
@@ -17,6 +17,8 @@ from swath.field.crop import Crop
 from swath.field.crop_sheet import weed_crop
 from swath.field.cutting.cut_field import Cutter
 from swath.field.cutting.cut_result import Corner, Cut, StemIndex, cells_inside, corners_of
+from swath.field.cutting.height_bounds import update_tops
+from swath.field.cutting.land import LandMemory, Tasks
 from swath.field.cutting.recount import recount_pages
 from swath.field.edges.boundary import Region
 from swath.field.edges.edge import Edges, check_edges, named_edges
@@ -31,7 +33,6 @@ from swath.field.ground.footprint import Block, Footprint
 from swath.field.ground.soil import Ruts, Soil, Strip
 from swath.field.memory_layout import PAGE_CUT_CELLS, PAGE_NODES, STANDING, Pages, PlantLibrary
 from swath.field.moisture import Moisture
-from swath.field.paging.height_bounds import update_tops
 from swath.field.paging.pages import KeptPages, PageStore
 from swath.field.paging.stored_changes import Change, Key
 from swath.field.plume import Puffs
@@ -103,13 +104,21 @@ class Field:
             _finish, library=library, sway=self._sway, depth_per_kg=self._depth_per_kg, ruts=self.ruts
         )
         self.store = PageStore(self.maker.make, finish, tile_size=library.tile_size, limit=page_limit)
-        self._cutter = Cutter(self.store, self.stems, sway=self._sway)
-        self._straw = StrawLayer(self.store, self._depth_per_kg)
         self.grain = GrainPiles()
         self.profile: Profile | None = None  # what is looked at and cut instead of pages
         self._begun: dict[str, Any] | None = None  # what the start is, where it is not the untouched field
         self._begun_grain = 0.0
         self._turn = float(np.cos(self.stand_yaw)), float(np.sin(self.stand_yaw))
+        turn, depth = (*self._turn, self.stand_yaw), self._depth_per_kg
+        self._land = LandMemory(self.store, library, turn=turn, sway=self._sway, depth_per_kg=depth)
+
+    @cached_property
+    def _cutter(self) -> Cutter:
+        return Cutter(self._land, self.stems)
+
+    @cached_property
+    def _straw(self) -> StrawLayer:
+        return StrawLayer(self._land)
 
     @property
     def notes(self) -> list[str]:
@@ -169,7 +178,7 @@ class Field:
 
     def compile(self) -> None:
         """Load compiled code that is first needed on the way: before a run is in step with a clock."""
-        self._straw.compile()
+        self._straw.is_done()
 
     def covers(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where the field is: inside its boundary and its terrain map, where it has them."""
@@ -225,15 +234,23 @@ class Field:
             raise InputError("height_m", height_m, "expected 0 to 2.54 m")
         if self.profile is not None:
             return self.profile.cut(np.array(corners_of(polygon)), round(100.0 * height_m))
-        return self._cutter.cut(self._corners(polygon, self.maker.cell), round(100.0 * height_m))
+        return self._cutter.cut(_corners_near(polygon), round(100.0 * height_m))
+
+    def lend(self, tasks: Tasks, world: int) -> None:
+        """Let compiled code do what polygons of a world ask for, as far as memory is there."""
+        if self.profile is None:
+            tasks.know(world, self._land, self._cutter.stems)
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
         if self.profile is not None:
             return self.profile.standing_area(np.array(corners_of(polygon)))
-        if (count := self._cutter.standing_cells(corners := self._corners(polygon, self.maker.cell))) is None:
-            count = int(np.count_nonzero(self._stands(*cells_inside(np.array(corners)))))
-        return count * self.maker.cell**2
+        corners = _corners_near(polygon)
+        try:
+            return self._cutter.cut(corners, STANDING).area
+        except InputError:  # too many corners, or too wide
+            cells = cells_inside(np.array(self._corners(polygon, self.maker.cell)))
+            return int(np.count_nonzero(self._stands(*cells))) * self.maker.cell**2
 
     def standing_areas(self, triangles: Array) -> Array:
         """Areas of standing crop in several triangles, (n, 3, 2), (n,)."""
@@ -247,9 +264,8 @@ class Field:
 
     def _corners(self, polygon: Any, unit: float) -> list[Corner]:
         """Corners of a convex polygon (n, 2) [m], counter-clockwise, in a unit [m] of the stand frame."""
-        points, (c, s) = corners_of(polygon), self._turn
-        _check_near_origin(points)
-        return [((c * x + s * y) / unit, (c * y - s * x) / unit) for x, y in points]
+        c, s = self._turn
+        return [((c * x + s * y) / unit, (c * y - s * x) / unit) for x, y in _corners_near(polygon)]
 
     def standing(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, in the shape of x and y."""
@@ -318,8 +334,7 @@ class Field:
         if self.profile is not None:
             self.profile.straw_kg += mass_kg
             return
-        corners = self._corners(polygon, self.maker.node)
-        self._straw.lay(corners, mass_kg, None if heading is None else heading - self.stand_yaw)
+        self._straw.lay(_corners_near(polygon), mass_kg, heading)
 
     def deposit_grain(self, x: float, y: float, mass_kg: float) -> None:
         """Lay grain [kg] on the ground at a world point [m]. It is counted; rays do not meet it."""
@@ -563,11 +578,12 @@ def _check_place(x: float, y: float) -> None:
         raise _too_far()
 
 
-def _check_near_origin(points: Sequence[Corner]) -> None:
-    """Check that finite places are not too far."""
-    for x, y in points:
-        if not (-FAR <= x <= FAR and -FAR <= y <= FAR):
-            raise _too_far()
+def _corners_near(polygon: Any) -> list[Corner]:
+    """As `corners_of`; they are not too far."""
+    corners = corners_of(polygon)
+    if any(not (-FAR <= x <= FAR and -FAR <= y <= FAR) for x, y in corners):
+        raise _too_far()
+    return corners
 
 
 def _too_far() -> InputError:

@@ -220,8 +220,8 @@ def shared_rows(library: PlantLibrary) -> NDArray[np.float32] | None:
 
 # Counters of pages: changes of what they hold (a copy on another device is then stale); how often pools or
 # the table were put elsewhere in memory; pages that left memory; tiles from which stems can lean over another
-# one, the most of all pages so far.
-REVISION, MOVED, DROPPED, STEM_REACH = range(4)
+# one, the most of all pages so far; rows of `PageStore.touched`.
+REVISION, MOVED, DROPPED, STEM_REACH, TOUCHED = range(5)
 
 
 @dataclass
@@ -241,7 +241,7 @@ class Pages:
         nodes [m]: rays that stay above it skip the tile's ground
     cut_slot: (n,) >= 0: row of `cut`; < 0: the whole page has code -1 - cut_slot
     cut: (m, 512, 512) uint8 codes, [iy, ix]
-    counters: (4,) see REVISION; compiled code reads and keeps them
+    counters: (5,) see REVISION; compiled code reads and keeps them
     made: pages that came into memory so far
     """
 
@@ -257,7 +257,7 @@ class Pages:
     cut_slot: NDArray[np.int32]
     cut: NDArray[np.uint8]
     tile_bump: NDArray[np.float32]
-    counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(4, np.int64))
+    counters: NDArray[np.int64] = field(default_factory=lambda: np.zeros(5, np.int64))
     made: int = 0
 
     def slots_at(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from swath.field.field import Field
 from swath.field.memory_layout import MIRROR_X, MIRROR_Y, STANDING, Organ, PlantLibrary, Shape
 from swath.machine.body.body import corners_of
-from swath.machine.sweep import swept
+from swath.machine.sweep import Sweeps
 from swath.record.charts import Columns, columns_of, path_of, shown_charts
 from swath.replay.machines import STATE, cutting_height, describe, thinned
 from swath.replay.scans import MOST_POINTS, Recorded, pack_echoes, stations, swath_width
@@ -319,9 +319,10 @@ def cut_times(area: Area, codes: NDArray[np.uint8], ways: list[KnifeWay], durati
     is_crop = codes == STANDING
     when = np.where(is_crop, np.float32(NEVER), np.float32(0.0))
     left = codes.copy()
+    sweeps = Sweeps(2, [-1.0])
     steps = merge(*(_steps(way.thinned(), area) for way in ways), key=lambda step: float(step[0][0]))
     for (begin, end), before, after, height in steps:
-        for polygon in swept(before.tolist(), after.tolist()):
+        for polygon, *_ in sweeps.between(before.tolist(), after.tolist()):
             found = _inside(np.array(polygon), when.shape)
             if found is None:
                 continue

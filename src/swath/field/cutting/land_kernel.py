@@ -1,35 +1,94 @@
-"""Pages of the field as the kernels of the cut see them; tiles that got lower.
-
-Units are those of `field/paging/height_bounds.py`; numbers are float64 without fused multiply-adds.
-"""
+"""Pages of the field, and polygons in which they are changed, as kernels see them."""
 
 from typing import Any
 
 import warp as wp
 
-CELLS = wp.constant(64)  # along a tile
-STANDING = wp.constant(255)
-REACH_MAX = wp.constant(4)  # tiles, as in height_bounds.py
-SLACK = wp.constant(wp.float64(0.001))  # as in height_bounds.py
-
 
 @wp.struct
 class Land:
-    """As `memory_layout.Pages`; code_max: highest code per tile; [m]; sway: as in height_bounds.py."""
+    """As `memory_layout.Pages`. counters, touched, code_max, straw_at: as in `PageStore`.
+
+    turn: cosine and sine of the yaw of the stand, and it; cell_area: of a cell [m2]; sway: as in
+    height_bounds.py; laid: room for straw on nodes [kg], depth_per_kg: of straw on a node
+    """
 
     table: wp.array2d(dtype=int)
     table_x: int
     table_y: int
+    counters: wp.array(dtype=wp.int64)
+    touched: wp.array2d(dtype=int)
     cut_slot: wp.array(dtype=int)
     cut: wp.array3d(dtype=wp.uint8)
     code_max: wp.array3d(dtype=wp.uint8)
+    ground: wp.array3d(dtype=float)
+    straw: wp.array3d(dtype=float)
+    straw_at: wp.array(dtype=wp.int64)
+    tile_plane: wp.array4d(dtype=float)
+    tile_bump: wp.array3d(dtype=float)
     tile_stand: wp.array3d(dtype=wp.vec4)
     tile_prototype: wp.array3d(dtype=int)
     tile_top: wp.array3d(dtype=float)
+    laid: wp.array(dtype=wp.float64)
+    turn: wp.vec3d
     tile_size: wp.float64
+    cell_area: wp.float64
     height_max: wp.float64
     stem_reach: wp.float64
     sway: wp.float64
+    depth_per_kg: wp.float64
+
+
+@wp.struct
+class Stem:
+    """As in `cutting.StemIndex`, in one place, since each is looked up alone; crop: 1, 0 of a weed."""
+
+    rank: wp.float64
+    height: wp.float64
+    ear: wp.float64
+    grain: wp.float64
+    straw: wp.float64
+    crop: wp.float64
+
+
+@wp.struct
+class Roots:
+    """Stems by the cell they stand on, as in `cutting.StemIndex`; those of cell k begin at first[k] and end
+    before first[k + 1]. at: number of the stem, column of the cell in its tile.
+
+    straw_exponent: of what of the straw lies above a cut
+    """
+
+    first: wp.array(dtype=int)
+    at: wp.array(dtype=wp.vec2i)
+    stems: wp.array(dtype=Stem)
+    straw_exponent: wp.float64
+
+
+@wp.struct
+class Work:
+    """Convex polygons in worlds, which compiled code does in order up to one that Python has to: pages are
+    missing, or it is refused. needs: becomes 1 then.
+
+    known: (worlds,) how often pages had moved in memory when `lands` were filled in, -1 = they were not
+    lands, roots: of each world
+    polygons: (worlds, n, ...) number of corners, two numbers that the kernel asks for, x and y of the corners
+        [m], counter-clockwise; found: (worlds,) how many there are
+    rows: (worlds,) first and last row of cells that counts; of straw: 1 = its pages were just asked for
+    sums: (worlds, 8) grain, straw, grain left [kg], area [m2], stems, area swept [m2], polygons done, what
+        is lacking
+    pages: (worlds, 256, 4) of the polygon that is not done, see the kernels
+    """
+
+    needs: wp.array(dtype=int)
+    known: wp.array(dtype=wp.int64)
+    lands: wp.array(dtype=Land)
+    roots: wp.array(dtype=Roots)
+    polygons: wp.array3d(dtype=wp.float64)
+    found: wp.array(dtype=int)
+    rows: wp.array(dtype=wp.vec2i)
+    sums: wp.array2d(dtype=wp.float64)
+    pages: wp.array3d(dtype=int)
 
 
 @wp.func
@@ -49,69 +108,3 @@ def slot_at(land: Any, i: int, j: int) -> int:
     if x < 0 or y < 0 or x >= land.table.shape[1] or y >= land.table.shape[0]:
         return -1
     return land.table[y, x]
-
-
-@wp.func
-def reach_of(land: Land, slot: int, ty: int, tx: int) -> int:
-    """How many tiles away crop may stand that this tile shows."""
-    stand = land.tile_stand[slot, ty, tx]
-    x = wp.float64(stand[1])
-    y = wp.float64(stand[2])
-    lean = wp.sqrt(x * x + y * y) + land.sway * wp.float64(stand[0])
-    return wp.min(int(wp.ceil((land.stem_reach + lean * land.height_max) / land.tile_size)), REACH_MAX)
-
-
-@wp.func
-def code_at(land: Land, tile_x: int, tile_y: int) -> int:
-    """Highest code of a tile by its number from the origin; STANDING where no page is."""
-    i = floor_div(tile_x, 8)
-    j = floor_div(tile_y, 8)
-    slot = slot_at(land, i, j)
-    if slot < 0:
-        return STANDING
-    return int(land.code_max[slot, tile_y - j * 8, tile_x - i * 8])
-
-
-@wp.func
-def write_tops(land: Land, tile_x: int, tile_y: int):
-    """`tile_top` of every tile that shows what stood on this one."""
-    for v in range(tile_y - REACH_MAX, tile_y + REACH_MAX + 1):
-        for u in range(tile_x - REACH_MAX, tile_x + REACH_MAX + 1):
-            i = floor_div(u, 8)
-            j = floor_div(v, 8)
-            slot = slot_at(land, i, j)
-            if slot >= 0:
-                ty = v - j * 8
-                tx = u - i * 8
-                reach = reach_of(land, slot, ty, tx)
-                if wp.abs(u - tile_x) <= reach and wp.abs(v - tile_y) <= reach:
-                    highest = int(0)
-                    for b in range(v - reach, v + reach + 1):
-                        for a in range(u - reach, u + reach + 1):
-                            highest = wp.max(highest, code_at(land, a, b))
-                    stand = land.tile_stand[slot, ty, tx]
-                    top = land.height_max * wp.float64(stand[0])
-                    if highest < STANDING:
-                        top = wp.min(top, wp.float64(0.01) * wp.float64(highest))
-                    top = top + SLACK
-                    if highest == 0 or stand[3] <= 0.0:
-                        top = wp.float64(0.0)
-                    land.tile_top[slot, ty, tx] = float(top)
-
-
-@wp.func
-def highest_code(land: Land, row: int, ty: int, tx: int) -> int:
-    """Highest code on a tile; its corners first, since most tiles are not cut wholly."""
-    y0 = ty * CELLS
-    x0 = tx * CELLS
-    last = CELLS - 1
-    highest = wp.max(
-        wp.max(int(land.cut[row, y0, x0]), int(land.cut[row, y0, x0 + last])),
-        wp.max(int(land.cut[row, y0 + last, x0]), int(land.cut[row, y0 + last, x0 + last])),
-    )
-    for y in range(CELLS):
-        if highest == STANDING:
-            return highest
-        for x in range(CELLS):
-            highest = wp.max(highest, int(land.cut[row, y0 + y, x0 + x]))
-    return highest

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from swath.core.portable import power
 from swath.core.units import KPA
+from swath.field.cutting.height_bounds import update_bumps
 from swath.field.field_setup import FieldSetup
 from swath.field.maps.band import Quantity
 from swath.field.maps.raster import Raster
 from swath.field.memory_layout import PAGE_NODES, REVISION, different_pages
-from swath.field.paging.height_bounds import update_bumps
 from swath.field.paging.pages import PageStore
 from swath.field.paging.stored_changes import Key
 

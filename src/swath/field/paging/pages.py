@@ -21,6 +21,7 @@ from swath.field.memory_layout import (
     PAGE_TILES,
     REVISION,
     STEM_REACH,
+    TOUCHED,
     Pages,
     different_pages,
 )
@@ -31,6 +32,7 @@ N = PAGE_NODES + 1
 IDLE = 160  # pages that are made before one that nobody asked for goes out of memory
 AHEAD = 128  # pages at most that are made before they are needed
 MARGIN = 8  # pages of the table beyond those that are needed
+TOUCHED_MAX = 512  # pages that cuts looked at are noted before these notes are taken over
 SPARE = 8  # pages, and pages with cells, for which there is room then
 TILE_CELLS = PAGE_CUT_CELLS // PAGE_TILES
 GROUND_POOLS = ("ground", "straw", "tile_plane", "tile_bump")
@@ -54,6 +56,8 @@ class PageStore:
     make: gives the pages of indices
     finish: called with the store and keys of pages that just came into memory; tile_size [m]
     limit: number of pages kept in memory beyond those asked for last
+    touched: (TOUCHED_MAX, 4) pages that cuts looked at since notes were taken over, in the order of the last
+        look: i, j, 1 = some tile of it got lower, 1 = some cell of it changed
     """
 
     def __init__(
@@ -65,18 +69,21 @@ class PageStore:
         limit: int = 1024,
     ) -> None:
         self.make, self.finish, self.tile_size, self.limit = make, finish, tile_size, limit
-        self.counters = np.zeros(4, np.int64)  # of its pages, see `memory_layout.REVISION`
+        self.counters = np.zeros(5, np.int64)  # of its pages, see `memory_layout.REVISION`
+        self.touched = np.zeros((TOUCHED_MAX, 4), np.int32)
         self.clear()
 
     def clear(self) -> None:
         """Forget everything."""
-        self.counters += (1, 1, 1, -self.counters[STEM_REACH])
+        self.counters[:STEM_REACH] += 1
+        self.counters[STEM_REACH:] = 0
         self.pages = _empty_pages(self.counters)
         self.code_max = np.zeros((0, PAGE_TILES, PAGE_TILES), np.uint8)  # highest code per tile
         self.ground_low = np.zeros(0, np.float32)  # lowest soil of the page [m]
+        self.straw_at = np.zeros(0, np.int64)  # where the straw masses of the page lie, 0 = it has none
         self.keys: dict[Key, int] = {}  # slot of every page in memory, oldest use first
         self._used: dict[Key, int] = {}  # pages made before the last use of each of them
-        self.recut: set[Key] = set()  # pages whose codes are not those of the start
+        self._recut: set[Key] = set()
         self.straw_mass: dict[Key, NDArray[np.float64]] = {}  # (64, 64) [kg], pages in memory only
         self.packed = StoredChanges()  # changed pages that are not in memory
         self._untouched: dict[Key, PageData] = {}  # pages that are not in memory, as `make` gives them
@@ -85,8 +92,28 @@ class PageStore:
         self._free: list[int] = []
         self._free_cut: list[int] = []
 
+    @property
+    def recut(self) -> set[Key]:
+        """Pages in memory whose codes are not those of the start."""
+        self.take_notes()
+        return self._recut
+
+    def take_notes(self) -> None:
+        """Take over what compiled cuts noted: which pages were used, recut, and may have one code now."""
+        if not (count := int(self.counters[TOUCHED])):
+            return
+        self.counters[TOUCHED] = 0
+        for i, j, is_lower, is_cut in self.touched[:count].tolist():
+            self.keys[i, j] = slot = self.keys.pop((i, j))
+            self._used[i, j] = self.pages.made
+            if is_cut:
+                self._recut.add((i, j))
+            if is_lower:
+                self._try_collapse(slot)
+
     def need(self, keys: Sequence[Key]) -> None:
         """Bring pages into memory; forget those unused for long, and for longest when there are too many."""
+        self.take_notes()
         missing = []
         for key in keys:
             slot = self.keys.pop(key, None)
@@ -158,6 +185,7 @@ class PageStore:
 
     def codes_of(self, key: Key) -> Codes:
         """Codes of a page in memory: one for all, or a view (512, 512)."""
+        self.take_notes()
         row = int(self.pages.cut_slot[self.keys[key]])
         return -1 - row if row < 0 else self.pages.cut[row]
 
@@ -173,18 +201,20 @@ class PageStore:
         self.pages.cut_slot[slot] = new
         return new
 
-    def try_collapse(self, slot: int) -> bool:
+    def open_straw(self, key: Key, slot: int, masses: NDArray[np.float64]) -> None:
+        """Let a page in memory have straw masses (64, 64) [kg], where compiled code finds them."""
+        self.straw_mass[key], self.straw_at[slot] = masses, masses.ctypes.data
+
+    def _try_collapse(self, slot: int) -> None:
         """Give the cut row back when all its cells have one code."""
         row = int(self.pages.cut_slot[slot])
         if row < 0:
-            return False
+            return
         cells = self.pages.cut[row]
         code = int(cells[0, 0])
-        if int(self.code_max[slot].min()) != code or not bool((cells == code).all()):
-            return False
-        self.pages.cut_slot[slot] = -1 - code
-        self._free_cut.append(row)
-        return True
+        if int(self.code_max[slot].min()) == code and bool((cells == code).all()):
+            self.pages.cut_slot[slot] = -1 - code
+            self._free_cut.append(row)
 
     def changes(self) -> dict[Key, Change]:
         """Every changed page, in and out of memory, by key in order."""
@@ -212,7 +242,8 @@ class PageStore:
         Pages that were not cut are not made again, but come into memory anew, so that rays meet the same
         bounds as in a fresh store, bit for bit.
         """
-        untouched = {key: self._data_of(key) for key in self.keys if key not in self.recut}
+        recut = self.recut
+        untouched = {key: self._data_of(key) for key in self.keys if key not in recut}
         self.restore({})
         self._untouched = untouched
 
@@ -249,9 +280,9 @@ class PageStore:
         codes = data.codes
         if change is not None and change.codes is not None:
             codes = inflate_codes(change.codes)
-            self.recut.add(key)
+            self._recut.add(key)
         if change is not None and change.straw is not None:
-            self.straw_mass[key] = inflate_straw(change.straw)
+            self.open_straw(key, slot, inflate_straw(change.straw))
         if isinstance(codes, int):
             p.cut_slot[slot] = -1 - codes
             self.code_max[slot] = codes
@@ -275,11 +306,12 @@ class PageStore:
 
     def _drop(self, key: Key) -> None:
         p = self.pages
-        if key in self.recut or key in self.straw_mass:
+        if key in self._recut or key in self.straw_mass:
             self.packed[key] = self._pack(key)
-            self.recut.discard(key)
+            self._recut.discard(key)
             self.straw_mass.pop(key, None)
         slot = self.keys.pop(key)
+        self.straw_at[slot] = 0
         del self._used[key]
         self.counters[DROPPED] += 1
         if p.cut_slot[slot] >= 0:
@@ -290,7 +322,7 @@ class PageStore:
 
     def _pack(self, key: Key) -> Change:
         codes: int | bytes | None = None
-        if key in self.recut:
+        if key in self._recut:
             now = self.codes_of(key)
             codes = now if isinstance(now, int) else zlib.compress(now.tobytes(), 1)
         straw = self.straw_mass.get(key)
@@ -301,7 +333,8 @@ class PageStore:
         new = max(2 * old, 32)
         for name in SLOT_POOLS:
             setattr(p, name, _grown(getattr(p, name), new))
-        self.code_max, self.ground_low = _grown(self.code_max, new), _grown(self.ground_low, new)
+        for name in ("code_max", "ground_low", "straw_at"):
+            setattr(self, name, _grown(getattr(self, name), new))
         self.counters[MOVED] += 1
         self._free[:0] = range(new - 1, old - 1, -1)
 

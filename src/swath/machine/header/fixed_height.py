@@ -12,20 +12,14 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
-from swath.core.component import Port, State
-from swath.core.errors import SwathError
+from swath.core.component import Port
 from swath.core.random import Stream
 from swath.core.registry import Level
-from swath.core.rows import row_of
-from swath.core.schedule import NS
-from swath.core.together import InWorlds, Samples
-from swath.field.cutting.cut_result import Cut
+from swath.core.together import InWorlds, KeepsRows, Samples
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated
 from swath.machine import SPEED
-from swath.machine.header import FLOWS
-from swath.machine.header.fill_gauge import FillGauge
-from swath.machine.sweep import LinePath, line_ends, signed_area, swept
+from swath.machine.header.knives import Knives
 from swath.signals import CropFlow, MachineState
 
 
@@ -42,19 +36,15 @@ class Params:
 
 
 class FixedHeightHeader(InWorlds):
-    """A knife of the header's width at a fixed height above ground. knife: x, left and right y of its ends.
-
-    path: where the knife was; gauge: how much of it cuts
-    """
+    """A knife of the header's width at one height above ground. knife: x, left and right y of its ends."""
 
     inputs = (Port("state", MachineState, history=True),)
     outputs = (Port("flow", CropFlow),)
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
-        self.params, self.field = params, setup.field
+        self.params, self.field, self.width = params, setup.field, setup.machine.header_width
         left, right = setup.machine.header_end("left"), setup.machine.header_end("right")
         self.knife = (left[0], left[1], right[1])
-        self.path, self.gauge = LinePath(params.sweep_step_m), FillGauge(setup.machine.header_width)
 
     @classmethod
     def together(cls, parts: Sequence["FixedHeightHeader"]) -> "Headers":
@@ -62,52 +52,35 @@ class FixedHeightHeader(InWorlds):
         return Headers(parts)
 
 
-class Headers(Compiled):
+class Headers(KeepsRows, Compiled):
     """The headers of many worlds, each of which cuts as soon as it is due."""
+
+    kept = ("_knives",)
 
     hears: ClassVar = {"state": MachineState}
 
     def __init__(self, parts: Sequence[FixedHeightHeader]) -> None:
-        super().__init__(len(parts), {"flow": row_of(CropFlow, len(parts), FLOWS)})
-        self._parts = parts
+        steps, widths = [part.params.sweep_step_m for part in parts], [part.width for part in parts]
+        self._knives = Knives([part.field for part in parts], 2, steps, widths)
+        super().__init__(len(parts), {"flow": self._knives.flow})
+        self._ends = np.array([part.knife for part in parts])
+        codes = [round(100.0 * part.params.cutting_height_m) for part in parts]
+        self._knives.sweeps.runs[:, 0, 2] = codes
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
-        """Nothing cut; the knife's place is taken from the first state that comes."""
-        for part in self._parts:
-            part.path.clear()
-            part.gauge.clear()
-        self.sent["flow"].memory[:] = 0
+        """Nothing cut."""
+        self._knives.clear()
         return self.sent_at(0)
 
     def launches(self) -> Sequence[Repeated]:
-        """None: `supply` is all."""
-        return [self.asking()]
+        """Cut what the knives passed over since the last step."""
+        trail = self.heard["state"]
+        poses = {"head": trail.head, "poses": trail.memory["pose"], "knives": self._ends}
+        return self._knives.launches(len(trail.times), self.needs, self.active, self.clock, **poses)
 
     def supply(self, stage: int) -> None:
-        """Cut what the knives of worlds that run passed over since the last step."""
-        trail, memory = self.heard["state"], self.sent["flow"].memory
-        for world in np.flatnonzero(self.active).tolist():
-            part, poses = self._parts[world], trail.memory["pose"][: trail.count, world].tolist()
-            taken, swept_area = Cut(), 0.0
-            try:
-                for before, now in part.path.over(line_ends(pose, *part.knife) for pose in poses):
-                    for polygon in swept(before, now):
-                        taken += part.field.cut(polygon, part.params.cutting_height_m)
-                        swept_area += signed_area(polygon)
-            except SwathError as error:
-                self.errors[world] = error
-            fill = part.gauge.read(taken.area, swept_area)
-            sums = taken.grain, taken.straw, taken.area, taken.stem_count
-            memory[world] = *sums, fill, self.clock[2] / NS, taken.grain_left
-
-    def save(self, world: int) -> State:
-        """Everything that is needed to go on exactly."""
-        return {"path": self._parts[world].path.save(), "gauge": self._parts[world].gauge.save()}
-
-    def load(self, world: int, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self._parts[world].path.load(state["path"])
-        self._parts[world].gauge.load(state["gauge"])
+        """Cut what is not in memory."""
+        self.errors.update(self._knives.cut_rest())
 
 
 LEVEL = Level(

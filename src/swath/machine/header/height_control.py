@@ -21,19 +21,18 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port
+from swath.core.component import Inputs, KeepsState, Outputs, Port, State
 from swath.core.errors import InputError
 from swath.core.frames import Array, Pose
+from swath.core.frozen import changed
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.units import DEG, KMH, PERCENT
-from swath.field.cutting.cut_result import Cut
 from swath.field.site_setup import SiteSetup
 from swath.machine import SPEED
-from swath.machine.header.fill_gauge import FillGauge
 from swath.machine.header.header_kinematics import HeaderKinematics
-from swath.machine.sweep import LinePath, signed_area, swept
+from swath.machine.header.knives import Knives
 from swath.signals import CropFlow, HeaderState, MachineState
 
 
@@ -259,7 +258,7 @@ class HeightControlHeader(KeepsState):
     """A stiff knife on feeder and tilt cylinders."""
 
     kept = (
-        *("_path", "_gauge", "_pose", "_speed", "_feelers", "_lift", "_tilt"),
+        *("_pose", "_speed", "_feelers", "_lift", "_tilt"),
         *("_raising", "_leaning", "_predictor"),
     )
 
@@ -280,7 +279,7 @@ class HeightControlHeader(KeepsState):
         self._behind = np.concatenate([np.zeros(count), skid])
         self._across = np.concatenate([knife, np.tile(self._feeler_y, 3)])
         self._nodes, self._period = count, setup.period
-        self._gauge = FillGauge(setup.machine.header_width)
+        self._knives = Knives([setup.field], p.sections + 1, [p.sweep_step_m], [setup.machine.header_width])
 
     def reset(self, stream: Stream) -> Outputs:
         """Knife level at the wanted height; its place is taken from the first state that comes."""
@@ -296,8 +295,7 @@ class HeightControlHeader(KeepsState):
         gains, band = (gain, p.integral_per_s2), p.dead_band_m
         self._raising = Controller(*gains, band, (-p.lower_m_s, p.raise_m_s), self._period)
         self._leaning = Controller(*gains, band / self.kinematics.half, (-limit, limit), self._period)
-        self._path = LinePath(p.sweep_step_m)
-        self._gauge.clear()
+        self._knives.clear()
         self._pose: Pose | None = None
         self._speed = 0.0
         heights = np.full(self._nodes, p.cutting_height_m)
@@ -337,33 +335,26 @@ class HeightControlHeader(KeepsState):
     def _cut(
         self, t: int, dt: int, states: tuple[MachineState, ...], knife: Array, heights: Array
     ) -> CropFlow:
-        taken, swept_area = Cut(), 0.0
-        lines = (state.pose.apply(knife)[::2, :2].tolist() for state in states)
-        for before, now in self._path.over(lines):
-            for first, last, height in self._runs(heights):
-                for polygon in swept([before[first], before[last]], [now[first], now[last]]):
-                    taken += self._field.cut(polygon, height)
-                    swept_area += signed_area(polygon)
-        fill = self._gauge.read(taken.area, swept_area)
+        lines = [state.pose.apply(knife)[::2, :2] for state in states]
+        taken = self._knives.cut(t, dt, lines, self._runs(heights))
         lost = taken.grain * self._loss_share()
-        return CropFlow(
-            t,
-            taken.grain - lost,
-            taken.straw,
-            taken.area,
-            taken.stem_count,
-            fill,
-            dt / NS,
-            lost_grain=lost,
-            left_grain=taken.grain_left,
-        )
+        return changed(taken, grain=taken.grain - lost, lost_grain=lost)
 
-    def _runs(self, heights: Array) -> list[tuple[int, int, float]]:
-        """(first node, last node, height): neighbouring sections of equal height, to the cm, cut as one."""
+    def _runs(self, heights: Array) -> list[tuple[int, int, int]]:
+        """(first node, last node, height [cm]): neighbouring sections of equal height, cut as one."""
         mean = 0.25 * heights[:-2:2] + 0.5 * heights[1:-1:2] + 0.25 * heights[2::2]
         cm = np.rint(100.0 * np.clip(mean, self._p.least_stubble_m, HIGHEST)).astype(int).tolist()
         starts = [i for i in range(len(cm)) if i == 0 or cm[i] != cm[i - 1]]
-        return [(a, b, 0.01 * cm[a]) for a, b in pairwise([*starts, len(cm)])]
+        return [(a, b, cm[a]) for a, b in pairwise([*starts, len(cm)])]
+
+    def save(self) -> State:
+        """Also where the knife was."""
+        return {**super().save(), "knives": self._knives.save(0)}
+
+    def load(self, state: State) -> None:
+        """Take on a state that `save` gave."""
+        super().load(state)
+        self._knives.load(0, state["knives"])
 
     def _loss_share(self) -> float:
         """Of the grain cut: in proportion to the speed, parabolic in the reel index."""

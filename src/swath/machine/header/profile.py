@@ -21,8 +21,7 @@ from swath.field.edges.profile import BIN, refused
 from swath.field.site_setup import SiteSetup
 from swath.kernels import Repeated, Rows, filled, of_worlds
 from swath.machine import SPEED
-from swath.machine.header import FLOWS, PROFILE_STEMS
-from swath.machine.header.fill_gauge import OVER_M
+from swath.machine.header import FLOWS, OVER_M, PROFILE_STEMS
 from swath.signals import CropFlow, MachineState
 
 
@@ -80,7 +79,8 @@ class Headers(KeepsRows, Compiled):
         from swath.machine.header.profile_kernel import cut_along
 
         trail, flow = self.heard["state"], self.sent["flow"]
-        more = trail.head, trail.memory["pose"], self.clock, self.needs, *flow.arrays.values()
+        numbers = [flow.memory.view(kind).reshape(self.worlds, -1) for kind in (np.float64, np.int64)]
+        more = trail.head, trail.memory["pose"], self.clock, self.needs, *numbers
         return [self.launch(cut_along, *self._given, *more)]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:

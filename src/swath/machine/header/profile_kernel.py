@@ -76,19 +76,14 @@ def cut_along(
     poses: wp.array3d(dtype=wp.float64),
     clock: wp.array(dtype=wp.int64),
     needs: wp.array(dtype=int),
-    taken_grain: wp.array(dtype=wp.float64),
-    taken_straw: wp.array(dtype=wp.float64),
-    cut_area: wp.array(dtype=wp.float64),
-    cut_stems: wp.array(dtype=wp.int64),
-    fills: wp.array(dtype=wp.float64),
-    lengths: wp.array(dtype=wp.float64),
-    left_grain: wp.array(dtype=wp.float64),
+    flows: wp.array2d(dtype=wp.float64),
+    counts: wp.array2d(dtype=wp.int64),
 ):
     """One world a thread.
 
     head, poses: of the trail of the new ones, (k, world, 12)
     clock: begin, end, length of the step [ns]
-    needs: 1 where a knife goes where it cannot; the others: of a `CropFlow`
+    needs: 1 where a knife goes where it cannot; flows, counts: as `header.FLOWS`, one memory
     """
     w = wp.tid()
     profile = profiles[w]
@@ -172,7 +167,7 @@ def cut_along(
         c.near_inside = near.inside
         c.far_along = far.along
         c.far_inside = far.inside
-    # forget over a metre of travel, as fill_gauge.py
+    # forget over a metre of travel, as tell_flows.cpp
     kept = wp.exp(-wp.float64(0.5) * moved / knife.forget)
     c.cut = c.cut * kept + area
     c.swept = c.swept * kept + swept
@@ -182,10 +177,10 @@ def cut_along(
     cuttings[w] = c
     if c.is_refused == 1:
         needs[0] = 1
-    taken_grain[w] = grain
-    taken_straw[w] = straw
-    cut_area[w] = area
-    cut_stems[w] = wp.int64(wp.floor(stems + wp.float64(0.5)))
-    fills[w] = fill
-    lengths[w] = wp.float64(clock[2]) / wp.float64(1.0e9)
-    left_grain[w] = remains
+    flows[w, 0] = grain
+    flows[w, 1] = straw
+    flows[w, 2] = area
+    counts[w, 3] = wp.int64(wp.floor(stems + wp.float64(0.5)))
+    flows[w, 4] = fill
+    flows[w, 5] = wp.float64(clock[2]) / wp.float64(1.0e9)
+    flows[w, 6] = remains

@@ -14,26 +14,26 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
-from swath.core.component import Component, Inputs, KeepsState, Outputs, Port, State
-from swath.core.errors import InputError, SwathError
+from swath.core.component import Component, Inputs, KeepsState, Outputs, Port
+from swath.core.errors import InputError
 from swath.core.random import Stream
 from swath.core.registry import Level
 from swath.core.rows import row_of
 from swath.core.schedule import NS
-from swath.core.together import InWorlds, Samples, plain
+from swath.core.together import InWorlds, KeepsRows, Samples, plain
 from swath.core.units import PERCENT
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, Rows
+from swath.kernels import Repeated
 from swath.machine.compensated_sum import Total
 from swath.machine.drivetrain_sheet import tank_of
-from swath.machine.process.straw_outlet import StrawOutlet
+from swath.machine.process.straw_outlet import Outlet, Outlets, StrawOutlet
 from swath.machine.transport import Conveyor, Mixer
 from swath.signals import CropFlow, MachineLoad, MachineState
 
 LOADS = (
     *("tank_grain", "lost_grain", "dropped_straw", "held_grain", "held_straw", "grain_flow", "straw_flow"),
     *("header_flow", "feeder_flow", "drum_flow", "rotor_flow", "shoe_flow", "separation_loss", "loss_share"),
-)  # as `pass_on` has them
+)  # as pass_on.cpp has them
 INPUTS = (Port("flow", CropFlow, history=True), Port("state", MachineState))
 OUTPUTS = (Port("load", MachineLoad),)
 TOTALS = ("tank", "lost", "straw")
@@ -85,10 +85,9 @@ class CombineParams(Params):
     straw_lag_s: Delay = 1.0
 
 
-def outlet_of(params: Params, setup: SiteSetup) -> StrawOutlet:
+def outlet_of(params: Params, setup: SiteSetup) -> Outlet:
     """What lays the straw, behind the machine."""
-    rear = setup.machine.body[0]
-    return StrawOutlet(setup.field, rear, params.swath_width_m, params.swath_step_m, ridge=True)
+    return Outlet(setup.field, setup.machine.body[0], params.swath_width_m, params.swath_step_m, True)
 
 
 def process_of(params: Params, setup: SiteSetup) -> Component:
@@ -98,7 +97,7 @@ def process_of(params: Params, setup: SiteSetup) -> Component:
 
 
 class ConstantProcess(InWorlds):
-    """No delay, a constant loss. tank: what it holds; outlet: lays straw on the field."""
+    """No delay, a constant loss. tank: what it holds; outlet: of the straw."""
 
     steps_any_length = True
 
@@ -114,55 +113,37 @@ class ConstantProcess(InWorlds):
         return Processes(parts)
 
 
-class Processes(Compiled):
+class Processes(KeepsRows, Compiled):
     """The parts of many worlds, stepped together."""
 
+    kept = ("_sums", "_outlets")
     reads: ClassVar = {"state": MachineState}
     hears: ClassVar = {"flow": CropFlow}
 
     def __init__(self, parts: Sequence[ConstantProcess]) -> None:
-        from swath.machine.process import constant_kernel as kernel
-
         n = len(parts)
         super().__init__(n, {"load": row_of(MachineLoad, n, LOADS)})
-        shares = [(part.loss, part.tank.capacity) for part in parts]
-        self._parts, self._shares = parts, Rows(kernel.Shares, n, shares)
-        self._sums = Rows(kernel.Sums, n)
+        self._shares = np.array([(part.loss, part.tank.capacity) for part in parts])
+        self._sums, self._outlets = np.zeros((n, 6)), Outlets([part.outlet for part in parts])
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Empty tanks; swaths start where the first state finds the machine."""
-        for part in self._parts:
-            part.outlet.reset()
-        self._sums.clear()
+        self._outlets.clear()
+        self._sums[:] = 0.0
         self.sent["load"].memory[:] = 0
         return self.sent_at(0)
 
     def launches(self) -> Sequence[Repeated]:
-        """Pass on what the headers took in since the last step."""
-        from swath.machine.process.constant_kernel import pass_on
-
-        trail, load = self.heard["flow"], self.sent["load"]
-        flow = trail.head, trail.memory["grain"], trail.memory["straw"]
-        own = self._shares.array, self._sums.array, self.clock, self.needs
-        return [self.launch(pass_on, *own, *flow, *load.arrays.values())]
+        """Pass on what the headers took in since the last step, and lay the straw."""
+        trail, load = self.heard["flow"], self.sent["load"].memory.view(np.float64)
+        given = {"active": self.active, "clock": self.clock, "head": trail.head, "shares": self._shares}
+        given |= {"grain": trail.memory["grain"], "cut_straw": trail.memory["straw"], "sums": self._sums}
+        given |= {"loads": load.reshape(self.worlds, -1), "poses": self.given["state"].arrays["pose"]}
+        return self._outlets.launches(self.needs, "pass_on", **given)
 
     def supply(self, stage: int) -> None:
-        """Lay the straw of worlds that run."""
-        poses, laid = self.given["state"].arrays["pose"].tolist(), self._sums.of["laid"].tolist()
-        for world in np.flatnonzero(self.active).tolist():
-            try:
-                self._parts[world].outlet.drop(laid[world], poses[world])
-            except SwathError as error:
-                self.errors[world] = error
-
-    def save(self, world: int) -> State:
-        """Everything that is needed to go on exactly."""
-        return {"sums": self._sums.save(world), "outlet": self._parts[world].outlet.save()}
-
-    def load(self, world: int, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self._sums.load(world, state["sums"])
-        self._parts[world].outlet.load(state["outlet"])
+        """Lay the straw where it is not in memory."""
+        self.errors.update(self._outlets.lay_rest())
 
 
 class DelayedProcess(KeepsState):
@@ -180,7 +161,7 @@ class DelayedProcess(KeepsState):
                 expected = f"expected >= feed_delay_s = {p.feed_delay_s:g}"
                 raise InputError(name, getattr(p, name), expected)
         self._loss = p.loss_percent * PERCENT
-        self._bulk, self._outlet = tank_of(setup.machine), outlet_of(params, setup)
+        self._bulk, self._outlet = tank_of(setup.machine), StrawOutlet(*outlet_of(params, setup))
 
     def reset(self, stream: Stream) -> Outputs:
         """Empty."""

@@ -81,7 +81,7 @@ class Organs(KeepsState):
         width, step = p.swath_width_m, p.swath_step_m
         if not is_swath:
             width, step = header, p.spread_step_m
-        self._outlet = StrawOutlet(setup.field, rear, width, step, ridge=is_swath)
+        self._outlet = StrawOutlet(setup.field, rear, width, step, is_swath)
         self._pipe = UnloadingPipe(setup)
         self._tank_start = w.tank * p.tank_start_percent * PERCENT
         self._elevator, self._lift = Conveyor(1.0, 3, joined=JOINED / 2), Mixer(3)

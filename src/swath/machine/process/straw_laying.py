@@ -28,7 +28,7 @@ class LaidStraw(KeepsState):
         self._passes_state = any(p.name == "state" for p in part.inputs)
         own = () if self._passes_state else (Port("state", MachineState),)
         self.inputs = (*part.inputs, *own)
-        self._outlet = StrawOutlet(setup.field, setup.machine.body[0], WIDTH, STEP, ridge=True)
+        self._outlet = StrawOutlet(setup.field, setup.machine.body[0], WIDTH, STEP, True)
         self._pipe = UnloadingPipe(setup)
         self._left = 0.0, 0.0
 

@@ -1,65 +1,97 @@
-"""Straw behind the machine: a swath, or chopped and spread, laid where the outlet passes."""
+"""Straw behind machines: a swath, or chopped and spread, laid where the outlet passes."""
 
 from collections.abc import Sequence
-from math import atan2, fsum, hypot
+from math import hypot, isnan
+from typing import Any, NamedTuple
 
-from swath.core.component import KeepsState
+import numpy as np
+
+from swath.core.component import State
+from swath.core.errors import SwathError
+from swath.core.together import KeepsRows
 from swath.field.field import Field
-from swath.machine.sweep import Corners, line_ends, signed_area, swept
+from swath.kernels import Repeated, filled, over_rows
+from swath.machine.sweep import POLYGON, Corners, FieldTasks
 
 
-class StrawOutlet(KeepsState):
-    """Lays straw over the ground that the outlet passed, every `step` [m] of travel.
+class Outlet(NamedTuple):
+    """Lays straw over the ground that it passed, every `step` [m] of travel.
 
-    outlet_x: ahead of the fixed axle [m]; width [m]
-    ridge: heaped along the path, otherwise even
+    x: ahead of the fixed axle [m]; width [m]
+    is_ridge: heaped along the path, otherwise even
     """
 
-    kept = ("_ends", "_origin", "_loose")
+    ground: Field
+    x: float
+    width: float
+    step: float
+    is_ridge: bool
 
-    def __init__(self, ground: Field, outlet_x: float, width: float, step: float, *, ridge: bool) -> None:
-        self._ground, self._step, self._ridge = ground, step, ridge
-        self._outlet = (outlet_x, 0.5 * width, -0.5 * width)
-        self._arm = 1.01 * hypot(outlet_x, 0.5 * width)
-        self.reset()
+
+class Outlets(KeepsRows):
+    """The outlets of many worlds. straw: that left them since the last time [kg]."""
+
+    kept = ("_states",)
+
+    def __init__(self, outlets: Sequence[Outlet]) -> None:
+        n = len(outlets)
+        self._fields, self.straw, self._states = [o.ground for o in outlets], np.zeros(n), np.zeros((n, 10))
+        self._outlets = np.array([
+            (o.x, 0.5 * o.width, -0.5 * o.width, o.step, 1.01 * hypot(o.x, 0.5 * o.width), o.is_ridge)
+            for o in outlets
+        ])  # fmt: skip
+
+    def clear(self) -> None:
+        """Nothing loose; they start where the first state finds the machine."""
+        self._states[:] = 0.0
+
+    def launches(self, needs: Any, *kernels: str, **given: Any) -> list[Repeated]:
+        """Drop, lay, after which `lay_rest` may be needed.
+
+        kernels: before them; given: `active`, `poses` and what these take, see `crop_kernel.Dropping`
+        """
+        from swath.machine import crop_kernel as kernel
+
+        n = len(self._fields)
+        polygons, found = np.zeros((n, 2, POLYGON)), np.zeros(n, np.int32)
+        self._tasks = FieldTasks(self._fields, self._lay, polygons, found, needs)
+        own = {"straw": self.straw, "outlets": self._outlets, "states": self._states}
+        its = filled(kernel.Dropping, polygons=polygons, found=found, **own, **given)
+        each = [over_rows(n, getattr(kernel, name), its) for name in (*kernels, "drop_straw")]
+        return [*each, self._tasks.launch("lay_straw")]
+
+    def lay_rest(self) -> dict[int, SwathError]:
+        """Lay what compiled code did not; by world why that is refused."""
+        return self._tasks.rest()
+
+    def _lay(self, world: int, polygon: Corners, mass: float, heading: float) -> None:
+        self._fields[world].deposit_straw(polygon, mass, heading=None if isnan(heading) else heading)
+
+
+class StrawOutlet:
+    """The outlet of one world, see `Outlet`."""
+
+    def __init__(self, *outlet: Any) -> None:
+        self._all, self._pose = Outlets([Outlet(*outlet)]), np.zeros((1, 12))
+        given = {"active": np.ones(1, np.bool_), "poses": self._pose}
+        self._launches = self._all.launches(np.zeros(1, np.int32), **given)
 
     def reset(self) -> None:
         """Nothing loose; it starts where the first state finds the machine."""
-        self._ends: Corners | None = None
-        self._origin = (0.0, 0.0, 1.0, 0.0)
-        self._loose = 0.0
+        self._all.clear()
 
     def drop(self, straw: float, pose: Sequence[float]) -> None:
         """Straw [kg] that left the machine since the last time; where it is now, as `plain` has a pose."""
-        self._loose += straw
-        before = self._ends
-        if before is None:
-            self._begin(line_ends(pose, *self._outlet), pose)
-            return
-        if self._is_near(pose):
-            return
-        ends = line_ends(pose, *self._outlet)
-        ways = [(x - u, y - v) for (x, y), (u, v) in zip(ends, before, strict=True)]
-        if max(hypot(*move) for move in ways) < self._step:
-            return
-        polygons = swept(before, ends)
-        area = fsum(signed_area(p) for p in polygons)
-        if area <= 0.0:
-            return
-        if self._loose > 0.0:
-            (dx, dy), (more_x, more_y) = ways
-            heading = atan2(dy + more_y, dx + more_x) if self._ridge else None
-            for polygon in polygons:
-                mass = self._loose * signed_area(polygon) / area
-                self._ground.deposit_straw(polygon, mass, heading=heading)
-            self._loose = 0.0
-        self._begin(ends, pose)
+        self._all.straw[0], self._pose[0] = straw, pose
+        for launch in self._launches:
+            launch.launch()
+        for error in self._all.lay_rest().values():
+            raise error
 
-    def _begin(self, ends: Corners, pose: Sequence[float]) -> None:
-        self._ends = ends
-        self._origin = pose[0], pose[1], pose[3], pose[6]
+    def save(self) -> State:
+        """What is loose, and from where on."""
+        return self._all.save(0)
 
-    def _is_near(self, pose: Sequence[float]) -> bool:
-        """True when no end of the outlet can have moved by a step: a quick look before the exact one."""
-        x0, y0, c0, s0 = self._origin  # and x, y of the forward axis
-        return hypot(pose[0] - x0, pose[1] - y0) + self._arm * hypot(pose[3] - c0, pose[6] - s0) < self._step
+    def load(self, state: State) -> None:
+        """Take on a state that `save` gave."""
+        self._all.load(0, state)

@@ -7,6 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from swath.core.frames import Pose
+from swath.field.cutting.land import Tasks
 from swath.field.field import Field
 from swath.field.ground.footprint import Footprint
 from swath.field.moisture import Moisture
@@ -33,6 +34,9 @@ class NoField:
 
     def deposit_straw(self, polygon: Any, mass: float, /, *, heading: float | None = None) -> None:
         """Nothing to do."""
+
+    def lend(self, tasks: Tasks, world: int, /) -> None:
+        """Compiled code does not know it."""
 
 
 def site_of(machine: MachineSheet, period: float) -> SiteSetup:

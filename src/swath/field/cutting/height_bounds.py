@@ -7,12 +7,12 @@ of it. So a tile counts as standing as long as crop stands on it or on a tile wi
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.field.memory_layout import PAGE_NODES, PAGE_TILES, STANDING, STEM_REACH, PlantLibrary
+from swath.field.memory_layout import PAGE_TILES, STANDING, STEM_REACH, PlantLibrary
 from swath.field.paging.pages import PageStore
 from swath.field.paging.stored_changes import Key
+from swath.kernels import filled, launch, start_warp
 
 Ints = NDArray[np.int64]
-NODES_PER_TILE = PAGE_NODES // PAGE_TILES
 SLACK = 0.001  # added to tops so that float32 rounding never hides a tip [m]
 REACH_MAX = 4  # tiles
 
@@ -48,36 +48,12 @@ def update_bumps(store: PageStore, keys: list[Key]) -> None:
     """Write `tile_bump` of pages in memory: how far ground and straw rise above each tile's plane."""
     if not keys:
         return
-    slots = np.array([store.keys[key] for key in keys], dtype=np.int64)
-    _write_bumps(store, slots, (0, PAGE_TILES), (0, PAGE_TILES))
+    start_warp()
+    from swath.field.cutting.bumps_kernel import Bumps, write_bumps
 
-
-def update_bumps_within(store: PageStore, x0: int, y0: int, x1: int, y1: int) -> None:
-    """As `update_bumps`, for the tiles that show the nodes from (x0, y0) to (x1, y1), both included."""
-    n, side = NODES_PER_TILE, PAGE_TILES
-    left, right, low, high = (x0 - 1) // n, x1 // n, (y0 - 1) // n, y1 // n
-    for j in range(low // side, high // side + 1):
-        for i in range(left // side, right // side + 1):
-            slot = store.keys.get((i, j))
-            if slot is not None:
-                rows = max(low - j * side, 0), min(high - j * side + 1, side)
-                columns = max(left - i * side, 0), min(right - i * side + 1, side)
-                _write_bumps(store, np.array([slot]), rows, columns)
-
-
-def _write_bumps(store: PageStore, slots: Ints, rows: tuple[int, int], columns: tuple[int, int]) -> None:
-    """Bumps of a range of tiles (first, after the last) of pages."""
-    p, n = store.pages, NODES_PER_TILE
-    v, u = slice(rows[0] * n, rows[1] * n + 1), slice(columns[0] * n, columns[1] * n + 1)
-    tiles = slots, slice(*rows), slice(*columns)
-    surface = (p.ground[slots, v, u] + p.straw[slots, v, u]).astype(np.float64, order="C")
-    size = (len(slots), rows[1] - rows[0], columns[1] - columns[0], n + 1, n + 1)
-    page, row, column = surface.strides  # a view of every tile's nodes; they share their borders
-    blocks = np.ndarray(size, np.float64, surface, 0, (page, n * row, n * column, row, column))
-    offset = (np.arange(n + 1) / n - 0.5) * store.tile_size
-    height, slope_x, slope_y = (p.tile_plane[tiles].astype(np.float64)[..., k, None, None] for k in range(3))
-    plane = height + slope_x * offset + slope_y * offset[:, None]
-    p.tile_bump[tiles] = (blocks - plane).max(axis=(3, 4))
+    pools = {name: getattr(store.pages, name) for name in ("ground", "straw", "tile_plane", "tile_bump")}
+    slots = np.array([store.keys[key] for key in keys], np.int32)
+    launch(write_bumps, filled(Bumps, slots=slots, tile_size=store.tile_size, **pools))
 
 
 def _code_around(store: PageStore, page: Ints, reach: int) -> NDArray[np.uint8]:
