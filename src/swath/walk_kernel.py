@@ -36,7 +36,7 @@ for (;; k = -1) {
       const number begun = __builtin_readcyclecounter();
       ((void (*)(void*, void*))line[1])((void*)line[2], (void*)line[3]);
       ((number*)line[4])[1] += __builtin_readcyclecounter() - begun;
-    } else if (line[0] == 1) {  // NEED: flag, slot, stage
+    } else if (line[0] == 1) {  // NEED: flag, which op, stage
       if (*(const int*)line[1]) {
         s[2] = k;
         s[3] = j + 1;

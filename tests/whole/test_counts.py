@@ -20,7 +20,7 @@ from benchmarks.counts import (
     in_a_process,
 )
 
-BOUNDS = {BYTECODES: 562_600, CALLS: 19_600, WALKS: 137, STEPS: 25, SUPPLIES: 33}
+BOUNDS = {BYTECODES: 709_500, CALLS: 22_900, WALKS: 196, STEPS: 25, SUPPLIES: 92}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
 STARTS = {  # command line -> bytecodes, modules
     "--help": (85_300, 100), "run --help": (63_900, 30), "walk": (15_350, 27), "": (6_100, 27),

@@ -344,6 +344,7 @@ class Lockstep:
         self._watched: list[Onlookers] = []
         self._taken: dict[tuple[str, type[Signal]], bool] = {}  # whether somebody takes what a slot sends
         self._audience: dict[tuple[object, ...], list[Audience]] = {}  # by slot and types
+        self._looking: dict[str, dict[Any, Any]] = {}  # compiled, by slot and audience
         self._followers: dict[str, list[tuple[int, Observer]]] = {}
         self._looked_at: list[tuple[int, Audience]] | None = None  # ops, by place
         self._enders: list[tuple[int, EndsRun]] | None = None  # who looks on, by world
@@ -401,6 +402,7 @@ class Lockstep:
     def look(self) -> None:
         """Give observers that look now and then what was sent since they did, of worlds that run."""
         self._count_steps()
+        self._tell_found()
         self._has_room = False
         trails = self.blocks.take()
         self._has_news |= bool(trails)
@@ -421,7 +423,7 @@ class Lockstep:
             return
         self._watched = [Onlookers(graph.observers, graph.watches) for graph in self.graphs]
         known, self._taken = self._taken, {}
-        if any(self._takes(*sent) != taken for sent, taken in known.items()):
+        if self._looking or any(self._takes(*sent) != taken for sent, taken in known.items()):
             self._dismiss()
         self._forget_audience()
         for taker in (taker for watched in self._watched for taker in watched.takers):
@@ -509,7 +511,7 @@ class Lockstep:
         """Places of ops that somebody looks at, and from when on [ns] each sample has to be shown."""
         if self._looked_at is None:
             every = ((place, [row.kind for row in sends.values()]) for place, sends in program.sends.items())
-            seen = ((place, self._seen_by(self._ranks[place], kinds)) for place, kinds in every)
+            seen = ((place, self._shown_to(self._ranks[place], kinds)) for place, kinds in every)
             self._looked_at = [(place, audience) for place, own in seen for audience in own]
         for place, audience in self._looked_at:
             yield place, audience.sleeps()
@@ -528,7 +530,7 @@ class Lockstep:
                 self._go(program, t, last + 1)
                 self._follow(program, t, places)
                 if last in awake and self.going:
-                    self._show(self._ranks[last], t, program.sends[last])
+                    self._show(self._ranks[last], t, program.sends[last], is_walked=True)
 
     def _go(self, program: Program, until: int, before: int = 0) -> None:
         """Walk ops as `Program.walk` does, and give them what they need."""
@@ -536,11 +538,17 @@ class Lockstep:
             self._reserve(program)
         need = program.walk(until, before)
         while need is not None:
-            op, stage, started = need[0].op, need[1], time.perf_counter()
-            op.needs[0], PRESENT.part = 0, self._ranks[need[0].place].name
+            (member, op, stage), started = need, time.perf_counter()
+            op.needs[0] = 0
+            if op is not member.op:
+                op.supply(stage)
+                program.end_with_tick()  # it may want to look at every sample from now on
+                need = program.go_on()
+                continue
+            PRESENT.part = self._ranks[member.place].name
             op.supply(stage)
             PRESENT.part = None
-            self._ranks[need[0].place].cost.seconds += time.perf_counter() - started
+            self._ranks[member.place].cost.seconds += time.perf_counter() - started
             if errors := {world: error for world, error in op.errors.items() if self.active[world]}:
                 self._fail(errors)
                 program.end_with_tick()
@@ -571,9 +579,15 @@ class Lockstep:
             if (place := self._places.get(name, -1)) in places:
                 self._tell(name, t, program.sends[place])
 
-    def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Row]) -> None:
-        """Show what a slot sent to those who look at it at its time."""
-        for audience in self._seen_by(rank, [row.kind for row in outputs.values()]):
+    def _show(self, rank: _Rank, t: int, outputs: Mapping[str, Row], *, is_walked: bool = False) -> None:
+        """Show what a slot sent to those who look at it at its time.
+
+        is_walked: by compiled code, as what looks at it and is compiled, too
+        """
+        for op in () if is_walked else self._looking.get(rank.name, {}).values():
+            if any(row is given for row in outputs.values() for given in op.given.values()):
+                op.go()
+        for audience in self._shown_to(rank, [row.kind for row in outputs.values()]):
             self._has_news |= audience.show(rank.name, t, outputs, self.blocks) and audience.may_end
 
     def _tell(self, slot: str, t: int, outputs: Mapping[str, Row]) -> None:
@@ -615,7 +629,31 @@ class Lockstep:
                     self._latest[wire] = row
                 keeps[output] += [queue.trail(row).head for queue in self._readers.get(wire, ())]
             members.append(Member(place, op, keeps))
+        self._set_looking({r.name: own for r in self._ranks if (own := self._looks_at(r, clock))})
+        for member in members:
+            member.lookers = [*self._looking.get(self._ranks[member.place].name, {}).values()]
         return Program(self.t, self.plan.slots, members, clock, goal, self.blocks.order)
+
+    def _looks_at(self, rank: _Rank, clock: Ints) -> dict[Any, Any]:
+        """What looks, compiled, at what a slot sends, by whom it looks for."""
+        machine, found = rank.name.partition(".")[0], {}
+        near = {w: row for w, row in self._latest.items() if w[0] in self._names}
+        own = [row for (slot, _), row in near.items() if slot == rank.name]
+        beside = [row for (slot, _), row in near.items() if slot.partition(".")[0] == machine]
+        for audience in audiences(dict(enumerate(self._watched)), rank.name, (*(row.kind for row in own),)):
+            if len(audience.worlds) < len(self.graphs) or (op := audience.looking()) is None:
+                continue
+            fits = {
+                port: [row for row in own if issubclass(row.kind, kind)]
+                or [row for row in beside if issubclass(row.kind, kind)]
+                for port, kind in op.reads.items()
+            }
+            if all(len(rows) == 1 for rows in fits.values()):
+                op.active, op.blocks = self.active, self.blocks
+                op.link({port: row for port, (row,) in fits.items()}, {}, clock)
+                if op.calls() is not None:
+                    found[audience.key] = op
+        return found
 
     def _link(self, name: str, ops: Mapping[str, Any], clock: Ints) -> bool:
         """Let an op read where its inputs lie; False where that cannot be."""
@@ -647,7 +685,20 @@ class Lockstep:
         """Forget the program; what waits at inputs waits on."""
         self._count_steps()
         self._loosen()
+        self._tell_found()
+        self._set_looking({})
         self._program, self._looked_at = None, None
+
+    def _set_looking(self, looking: dict[str, dict[Any, Any]]) -> None:
+        """Who looks, compiled: no samples are shown to whom it looks for."""
+        if looking or self._looking:
+            self._looking = looking
+            self._forget_audience()
+
+    def _tell_found(self) -> None:
+        """Who looks on learns what was found for it."""
+        for op in (op for own in self._looking.values() for op in own.values()):
+            op.look()
 
     def _loosen(self) -> None:
         """Nothing is read by compiled code."""
@@ -660,12 +711,12 @@ class Lockstep:
         program = self._program
         if program is None or not program.seconds:
             return
-        cycles = int(np.add.reduce([member.about[1] for member in program.members]))
+        cycles = int(np.add.reduce([member.about[1] + member.aside[1] for member in program.members]))
         for member in program.members:
             cost = self._ranks[member.place].cost
             cost.steps += int(member.about[0])
             cost.seconds += program.seconds * int(member.about[1]) / max(cycles, 1)
-            member.about[:] = 0
+            member.about[:] = member.aside[:] = 0
         program.seconds = 0.0
 
     def go_on(self) -> None:
@@ -687,7 +738,7 @@ class Lockstep:
     def let_go(self) -> None:
         """Forget a graph that was alone, and who looks on."""
         if len(self.graphs) == 1:
-            self.graphs, self._watched, self._followers = (), [], {}
+            self.graphs, self._watched, self._followers, self._looking = (), [], {}, {}
             self._forget_audience()
             for part in (rank.parts[0] for rank in self._ranks):
                 if isinstance(part, InWorlds):
@@ -887,10 +938,11 @@ class Lockstep:
         """Other worlds run, or others look on."""
         self._audience, self._looked_at, self._enders = {}, None, None
 
-    def _seen_by(self, rank: _Rank, kinds: Sequence[type[Signal]]) -> list[Audience]:
-        """Who of the worlds that run looks at samples of these types from a slot."""
+    def _shown_to(self, rank: _Rank, kinds: Sequence[type[Signal]]) -> list[Audience]:
+        """Who of the worlds that run has to be shown samples of these types from a slot."""
         key = rank.name, *kinds
         if key not in self._audience:
-            own = {world: self._watched[world] for world in self.going}
-            self._audience[key] = audiences(own, rank.name, (*kinds,))
+            own, compiled = {w: self._watched[w] for w in self.going}, self._looking.get(rank.name, {})
+            every = audiences(own, rank.name, (*kinds,))
+            self._audience[key] = [audience for audience in every if audience.key not in compiled]
         return self._audience[key]

@@ -16,16 +16,27 @@ _rest = attrgetter("rests_until")
 class Audience:
     """Those of one class, each in its world, that are shown what a slot sends; all of them rest, or none.
 
-    A class with `see_all(parts, slot, t, Shown)` is shown samples of all its worlds at once.
+    A class with `see_all(parts, slot, t, Shown)` is shown samples of all its worlds at once. One with
+    `looking(parts)` gives an op (`core/ops.py`) that looks at what a slot sends, right after it: the row of
+    each type that it `reads` is the slot's own, else that of the only output of its machine that is one.
+    Before anybody looks at a block, `look()` has it tell its parts what it found. Where not all worlds have
+    such a part, or a row is missing, samples are shown.
+    key: what it is known by among those of a slot; worlds: their numbers
     may_end: whether one of them may end a world
     """
 
-    def __init__(self, worlds: Sequence[int], lookers: Sequence[Looker]) -> None:
-        self._worlds, self._lookers = worlds, lookers
+    def __init__(self, key: tuple[Any, ...], worlds: Sequence[int], lookers: Sequence[Looker]) -> None:
+        self.key = key
+        self.worlds, self._lookers = worlds, lookers
         self._parts = [looker.part for looker in lookers]
         self._rests = lookers[0].rests
         self.may_end = any(isinstance(part, EndsRun) for part in self._parts)
         self._see_all = getattr(type(self._parts[0]), "see_all", None)
+
+    def looking(self) -> Any:
+        """What looks for all of them, compiled; None = nothing."""
+        make = None if self._rests else getattr(type(self._parts[0]), "looking", None)
+        return None if make is None else make(self._parts)
 
     def sleeps(self) -> int:
         """Until when [ns] none of them has to be shown anything."""
@@ -38,9 +49,9 @@ class Audience:
             awake = [k for k, part in enumerate(self._parts) if t >= part.rests_until]
         if self._see_all is None:
             for k in awake:
-                self._lookers[k].see(slot, t, Shown(sent, [self._worlds[k]], blocks))
+                self._lookers[k].see(slot, t, Shown(sent, [self.worlds[k]], blocks))
         elif awake:
-            shown = Shown(sent, [self._worlds[k] for k in awake], blocks)
+            shown = Shown(sent, [self.worlds[k] for k in awake], blocks)
             self._see_all([self._parts[k] for k in awake], slot, t, shown)
         return bool(awake)
 
@@ -94,4 +105,4 @@ def audiences(of_worlds: Mapping[int, Onlookers], slot: str, kinds: Kinds) -> li
             worlds, lookers = found.setdefault(key, ([], []))
             worlds.append(world)
             lookers.append(looker)
-    return [Audience(*found[key]) for key in sorted(found, key=lambda key: key[:2])]
+    return [Audience(key, *found[key]) for key in sorted(found, key=lambda key: key[:2])]

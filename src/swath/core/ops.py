@@ -28,7 +28,7 @@ CALL, NEED, CLEAR, SEND, STAMP, KEEP, REACH = range(7)
 # how it goes on after that, as `Slot.clockwork` says.
 PLACE, BEGIN, END, SINCE, DUE, WHOLE, REST, MORE, OF = range(9)
 # What the walker reads, and writes: it stops at a time [ns], before a place in the tick; op and line to go on
-# from (-1 = the next that is due); slot that needs something (-1 = none), and after which of its launches;
+# from (-1 = the next that is due); which op needs something (-1 = none), and after which of its launches;
 # whether a goal is reached; when the last step was due, and the next is [ns]; how many ops there are;
 # addresses of the clock and of the number of samples sent so far.
 UNTIL, BEFORE, OP, FROM, NEEDS, STAGE, REACHED, AT, NEXT, COUNT, CLOCK, ORDER = range(12)
@@ -79,13 +79,16 @@ class Member:
     """An op among the slots of a program. place: of its slot.
 
     keeps: heads of the trails that a sample of an output is added to
-    about: steps since they were counted last, and processor cycles that they took
+    lookers: what looks at what it sent (`core/onlookers.py`), right after it
+    about: steps since they were counted last, and processor cycles that they took; aside: those of lookers
     """
 
     place: int
     op: Op
     keeps: Mapping[str, Sequence[Ints]]
+    lookers: Sequence[Op] = ()
     about: Ints = field(default_factory=lambda: np.zeros(2, np.int64))
+    aside: Ints = field(default_factory=lambda: np.zeros(2, np.int64))
 
 
 class Program:
@@ -113,6 +116,7 @@ class Program:
         self._in_python = due_after(t, {k: slot for k, slot in enumerate(slots) if k not in self.by_place})
         self.t, (self.python_due, self._next_place) = t, next(self._in_python, (NEVER, -1))
         self._lines: list[list[int]] = []
+        self._needs: list[tuple[Member, Op]] = []  # by number, as lines name them
         self._steps = np.array([self._write(member, t) for member in members], np.int64).reshape(-1, OF + 1)
         self._state = np.array([0] * COUNT + [len(members), address(clock), address(order)], np.int64)
         tables = [np.array(self._lines or [[0]], np.int64), self._steps, self._state]
@@ -149,10 +153,11 @@ class Program:
             goes_on = is_op and place not in stops
         return found
 
-    def walk(self, until: int, before: int = 0) -> tuple[Member, int] | None:
+    def walk(self, until: int, before: int = 0) -> tuple[Member, Op, int] | None:
         """Walk all ops that are due before a time [ns], and those at that time before a place.
 
-        Gives the op that needs something and after which launch, None = nothing; `go_on` after that.
+        Gives the op that needs something, of a member or of its lookers, and after which launch, None =
+        nothing; `go_on` after that.
         """
         self._state[:AT] = until, before, -1, -1, -1, 0, 0
         return self.go_on()
@@ -163,7 +168,7 @@ class Program:
         self._has_reached = False
         return found
 
-    def go_on(self) -> tuple[Member, int] | None:
+    def go_on(self) -> tuple[Member, Op, int] | None:
         """Walk on after a need was supplied."""
         started = time.perf_counter()
         self._walk()
@@ -171,7 +176,7 @@ class Program:
         needs, stage, has_reached, self.t, self._op_due = self._state[NEEDS:COUNT].tolist()
         self._has_reached |= bool(has_reached)
         self.next = min(self.python_due, self._op_due)
-        return None if needs < 0 else (self.by_place[needs], stage)
+        return None if needs < 0 else (*self._needs[needs], stage)
 
     def end_with_tick(self) -> None:
         """Walk no farther than to the end of the tick in which something was needed."""
@@ -181,9 +186,7 @@ class Program:
     def _write(self, member: Member, t: int) -> list[int]:
         """Write the lines of an op; what the walker knows of it after a time [ns]."""
         begin, slot, about = len(self._lines), self._slots[member.place], address(member.about)
-        for stage, call in enumerate(member.op.calls() or ()):
-            self._line(CALL, *call, about)
-            self._line(NEED, address(member.op.needs), member.place, stage)
+        self._call(member, member.op, about)
         for trail in member.op.heard.values():
             self._line(CLEAR, address(trail.head))
         self._line(SEND, about)
@@ -194,7 +197,16 @@ class Program:
             if self.goal is not None and (slot.name, output) in self.goal.wires:
                 column = row.arrays[self.goal.name]
                 self._line(REACH, address(column), column.strides[0], len(column), address(self.least))
+        for op in member.lookers:
+            self._call(member, op, address(member.aside))
         return [member.place, begin, len(self._lines), *slot.clockwork(t)]
+
+    def _call(self, member: Member, op: Op, about: int) -> None:
+        """Write the lines of the launches of an op."""
+        for stage, call in enumerate(op.calls() or ()):
+            self._line(CALL, *call, about)
+            self._line(NEED, address(op.needs), len(self._needs), stage)
+        self._needs.append((member, op))
 
     def _line(self, *numbers: int) -> None:
         self._lines.append([*numbers, *[0] * (LINE - len(numbers))])

@@ -23,8 +23,7 @@ from swath.field.cutting.recount import recount_pages
 from swath.field.edges.boundary import Region
 from swath.field.edges.edge import Edges, check_edges, named_edges
 from swath.field.edges.edge_defects import BrokenEdge, Gap
-from swath.field.edges.present_edge import Standing, whole_rows
-from swath.field.edges.profile import Profile, refused, standing_beside
+from swath.field.edges.profile import Profile, refused
 from swath.field.edges.rows import moved_edges, rows_of
 from swath.field.edges.track import EdgeShape
 from swath.field.field_setup import HasExtent, Stand, Terrain
@@ -538,30 +537,6 @@ def make_field(
 
 def _keys(state: dict[str, Any]) -> list[Key]:
     return [(int(i), int(j)) for i, j in state["keys"]]
-
-
-def crop_in_each(
-    fields: Sequence[Standing], poses: Array, starts: Array, widths: Array, count: int
-) -> NDArray[np.bool_]:
-    """As `present_edge.crop_along`, of a line across a machine in each of several fields: (n, count).
-
-    poses: (n, 12); starts: (n, 2) [m]; widths: (n,) [m]
-    """
-    steps, places = poses[:, [4, 7]] * widths[:, None], starts.tolist()
-    profiles = [field.profile for field in fields if isinstance(field, Field) and field.profile is not None]
-    if len(profiles) == len(fields):
-        ends = np.concatenate([starts, starts + count * steps])
-        if not (np.abs(ends) <= FAR).all():
-            _check_near(ends[:, 0], ends[:, 1])
-        crop = standing_beside(profiles, starts, steps, count)
-    else:
-        each = zip(fields, places, steps.tolist(), strict=True)
-        crop = np.concatenate([field.standing_along([start], step, count) for field, start, step in each])
-    for k, field in enumerate(fields):
-        if field.rows is not None:
-            own = poses[k].tolist(), places[k : k + 1], float(widths[k])
-            crop[k] = whole_rows(field, crop[k : k + 1], *own)
-    return crop
 
 
 def _check_near(x: Array, y: Array) -> None:

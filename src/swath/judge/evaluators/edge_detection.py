@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +15,14 @@ from swath.core.packed_state import saved_type
 from swath.core.registry import Level
 from swath.core.schedule import NS
 from swath.core.together import plain
-from swath.field.edges.present_edge import (
-    SIDE_M,
-    STEP_M,
-    Holes,
-    edges_of,
-    start_across,
-)
-from swath.field.field import crop_in_each
-from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, SeesAll, mean, rms
+from swath.field.edges.present_edge import STEP_M, Holes, edges_of, whole_rows
+from swath.judge.edge_looks import COUNT, REPORTED, EdgeLooks, LooksOfAll, span_across
+from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, mean, rms
 from swath.record.tracks import Column
-from swath.signals import F64, CropEdge, MachineState
+from swath.signals import F64, CropEdge, MachineState, Signal
 
 GROUP = "Edge detection"
 NEAR_M = 5.0  # an edge this near to the header end has to be detected
-FAR_M = 8.0  # one this near may be detected
 MATCH_M = 1.5  # a detected edge is none that stands there when it is farther from it
 SURE = 0.5  # confidence from which on a detector is sure
 WRONG_M = 0.3  # error beyond which an edge is wrong
@@ -37,7 +31,6 @@ EPISODE_M = 1.0  # a longer distance wrong, sure and not reported is a hazardous
 RIGHT_M = 0.1  # error up to which an edge is right: what its confidence is the probability of
 FEW = 0.5  # a metric over a smaller share of the samples is noted
 NAN = float("nan")
-COUNT = round(2.0 * (FAR_M + SIDE_M) / STEP_M)  # steps of a line across the machine
 CHUNK = 32  # samples that are judged together: a millisecond of work
 MOST = 512  # states that are kept
 
@@ -100,10 +93,6 @@ class EdgeSeries:
         return [(a, b) for a, b in zip(begins.tolist(), ends.tolist(), strict=True) if b - a > EPISODE_M]
 
 
-# what is noted of a sample, beside its time and the distance, and its place as in `lines`
-REPORTED = ("reference_x", "offset", "confidence", "is_held", "offset_sd")
-
-
 @saved_type("t", "rows")
 class States:
     """The newest places of a machine. t [ns], (n,); rows: pose as 12 numbers, distance [m], (n, 13)."""
@@ -125,9 +114,9 @@ class States:
         return States(np.concatenate([self.t, block["t"]]), np.concatenate([self.rows, rows]))
 
     @property
-    def newest(self) -> list[float]:
-        """Time [ns], -1 = none; the row."""
-        return [float(self.t[-1]), *self.rows[-1].tolist()] if len(self.t) else [-1.0] + [0.0] * 13
+    def newest_t(self) -> int:
+        """Time of the newest [ns], -1 = none."""
+        return int(self.t[-1]) if len(self.t) else -1
 
     def at(self, t: int) -> list[float]:
         """True row at t [ns]; position and angles are interpolated."""
@@ -147,12 +136,14 @@ def _pose_of(numbers: F64) -> Pose:
     return Pose.of_numbers(values[:3], [values[i : i + 3] for i in (3, 6, 9)])
 
 
-class EdgeDetection(SeesAll, Later):
+class EdgeDetection(Later):
     """Detected against true edge, at the place ahead that the detector reports for.
 
     What stands there is looked up at the time of the sample, and judged later, many together.
+    reference: x of the newest line across the machine [m]
     """
 
+    __slots__ = ("_alone", "_together")  # who looks for it, alone or with others: no part of a saved state
     SIGNALS = (MachineState, CropEdge)
     live = (CropEdge,)
     COLUMNS = ("edge_true_m", "edge_wall_m")
@@ -175,20 +166,19 @@ class EdgeDetection(SeesAll, Later):
                "the edge error is; after settling", GROUP, "higher", "samples with both edges"),
     )  # fmt: skip
 
-    def __init__(self, setup: EvaluatorSetup, along: Callable[..., NDArray[np.bool_]] | None = None) -> None:
+    def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
-        self._along = along  # None, which a save of the run can hold, is `crop_in_each`
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0  # +y or -y is the cut side
-        self._reference, self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
-        self._begin = self._end_y + self.side * (FAR_M + SIDE_M)  # of the lines, on the cut side
-        self._knife_x = self._reference
+        self.reference, self._end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
         self._states = States()
         self.rests_until = NEVER  # unless the truth has to reach the time of an edge
         self._waiting: list[list[float]] = []  # t and REPORTED of samples that are before the truth
-        self._rows: list[list[float]] = []  # t, distance, REPORTED but the reference, place as in `lines`
+        self._rows: list[F64] = []  # as of `EdgeLooks`
         self._crop: list[NDArray[np.uint8]] = []  # where it stands on the line across, packed
         self._judged = KeptRows(10)
         self._newest: F64 | None = None  # row of those
+        self._alone: EdgeLooks | None = None
+        self._together: Callable[[], LooksOfAll | None] = no_looks
 
     def take(self, seen: Seen) -> None:
         """Note where the machine was."""
@@ -196,48 +186,64 @@ class EdgeDetection(SeesAll, Later):
             self._states.take(states)
 
     @classmethod
-    def see_all(cls, parts: Sequence["EdgeDetection"], slot: str, t: int, shown: Shown) -> None:
+    def looking(cls, parts: Sequence["EdgeDetection"]) -> LooksOfAll:
+        """What looks for these in many worlds, compiled."""
+        found = LooksOfAll(parts)
+        for judge in parts:
+            judge._together = ref(found)
+        return found
+
+    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look up what stands where edges are reported, once the truth has reached their times."""
-        states, worlds = shown.newest(MachineState, parts[0].setup.name), shown.worlds
-        if states is None:
-            now = np.array([judge._states.newest for judge in parts])
-        else:
-            now = np.empty((len(worlds), 14))
-            now[:, 0], now[:, 13] = states.newest("t", worlds), states.newest("distance", worlds)
-            now[:, 1:13] = states.newest("pose", worlds)
+        shown = Shown.of_one(outputs)
         reported = shown.columns(CropEdge, ("t", *REPORTED))
-        if (
-            reported is not None
-            and (reported[:, 0] == now[:, 0]).all()
-            and not any(j._waiting for j in parts)
-        ):
-            _look(parts, reported, now[:, 1:])
-            return
-        for k, (judge, newest) in enumerate(zip(parts, now.tolist(), strict=True)):
-            judge._waiting += [] if reported is None else [reported[k].tolist()]
-            while judge._waiting and judge._waiting[0][0] <= newest[0]:
-                edge, place = judge._waiting.pop(0), newest[1:]
-                if edge[0] < newest[0]:
-                    known = judge._states.with_block(shown.of(k).waiting(MachineState, judge.setup.name))
-                    place = known.at(int(edge[0]))
-                _look([judge], np.array([edge]), np.array([place]))
-            judge.rests_until = 0 if judge._waiting else NEVER
+        edge = None if reported is None else reported[0].tolist()
+        self.wait(edge, shown.waiting(MachineState, self.setup.name))
+
+    def wait(self, edge: list[float] | None, more: Block | None = None) -> None:
+        """Look where the truth has reached the times of edges. edge: one more, its t and REPORTED.
+
+        more: states that it was not given yet
+        """
+        self._waiting += [] if edge is None else [edge]
+        known = self._states.with_block(more) if self._waiting else self._states
+        while self._waiting and self._waiting[0][0] <= known.newest_t:
+            edge = self._waiting.pop(0)
+            self._alone = self._alone or EdgeLooks([self.setup])
+            self._alone.reference[0] = self.reference
+            self._alone.look_at(edge, known.at(int(edge[0])))
+            self.add(*self._alone.take(0), float(self._alone.reference[0]))
+        self.rests_until = 0 if self._waiting else NEVER
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the truth has not reached the time of an edge."""
+        return bool(self._waiting)
+
+    def add(self, rows: F64, crop: NDArray[np.uint8], reference: float) -> None:
+        """What was seen, as `EdgeLooks` gives it; the newest reference [m]."""
+        self._rows.append(rows)
+        self._crop.append(crop)
+        self.reference = reference
+        if sum(len(own) for own in self._rows) >= CHUNK:
+            self._judge_rows()
 
     def look(self) -> None:
         """Look up what stands where edges were reported up to the time of the newest state."""
-        self.see_live("", 0, {})
+        self.wait(None)
 
-    def beside(self, along: Callable[..., NDArray[np.bool_]], states: "States") -> "EdgeDetection":
+    def beside(self, states: "States") -> "EdgeDetection":
         """A judge of another detector in the same run. states: that others note for it.
 
-        Show it edges alone, and let it `look` after each state. along: in place of `crop_along`
+        Show it edges alone, and let it `look` after each state.
         """
-        other = EdgeDetection(self.setup, along)
+        other = EdgeDetection(self.setup)
         other._states = states
         return other
 
     def metrics(self) -> dict[str, float]:
         """Metrics of all edges; none of a machine without an edge detection."""
+        self._catch_up()
         if not self._rows and not self._judged and not self._waiting:
             return {}
         return edge_metrics(self.series(), settling=self.setup.settling_m)
@@ -254,13 +260,15 @@ class EdgeDetection(SeesAll, Later):
     @property
     def true_offset(self) -> float:
         """True edge at the newest judged sample, y in the machine frame [m], nan = there is none."""
-        _judge_rows([self])
+        self._catch_up()
+        self._judge_rows()
         return NAN if self._newest is None else float(self._newest[2])
 
     @property
     def newest_t(self) -> int:
         """Time of the newest judged sample [ns], -1 before there is one."""
-        return int(self._rows[-1][0] if self._rows else -1 if self._newest is None else self._newest[0])
+        self._catch_up()
+        return int(self._rows[-1][-1, 0] if self._rows else -1 if self._newest is None else self._newest[0])
 
     def columns(self) -> tuple[Column, ...]:
         """The true edge and the crop that stands, for the newest detected edge."""
@@ -273,7 +281,8 @@ class EdgeDetection(SeesAll, Later):
 
     def series(self, most: int | None = None) -> EdgeSeries:
         """The course of the run so far. most: samples, spread evenly, where there are more."""
-        _judge_rows([self])
+        self._catch_up()
+        self._judge_rows()
         table = self._judged.table(most)
         t, at, true, seen, found, exists, confidence, is_held, sd, wall = table.T
         error = -self.side * (seen - true)
@@ -288,6 +297,42 @@ class EdgeDetection(SeesAll, Later):
             return np.full(len(asked), np.nan)
         index = np.minimum(np.searchsorted(series.t, asked), len(series.t) - 1)
         return np.where(series.t[index] == asked, getattr(series, name)[index], np.nan)
+
+    def _catch_up(self) -> None:
+        """Take what was seen with others since the last look."""
+        if (together := self._together()) is not None:
+            together.look()
+
+    def _judge_rows(self) -> None:
+        """Judge what was looked up: rows of `KeptRows`, as `series` reads them."""
+        if not self._rows:
+            return
+        table = np.concatenate(self._rows)
+        crop = np.unpackbits(np.concatenate(self._crop), axis=1, count=COUNT).astype(bool)
+        self._rows, self._crop = [], []
+        begin, width = span_across(self.setup)
+        if self.setup.field.rows is not None:
+            for k, (bx, by, ax, ay, *start) in enumerate(table[:, 10:].tolist()):
+                pose = 0.0, 0.0, 0.0, ax, bx, 0.0, ay, by
+                crop[k] = whole_rows(self.setup.field, crop[k : k + 1], pose, [start], width)
+        places = edges_of(crop)
+        at = np.full((len(table), 1 + max(map(len, places))), NAN)
+        for k, own in enumerate(places):
+            at[k, : len(own)] = own
+        at = begin - self.side * STEP_M * at
+        t, distance, offset, confidence, is_held, sd = table[:, :6].T
+        found = (confidence > 0.0) & np.isfinite(offset)
+        exists = (np.abs(at - self._end_y) <= NEAR_M).any(axis=1)
+        seen = np.where(found, offset, NAN)
+        asked = np.where(found, seen, np.where(exists, self._end_y, NAN))
+        gap = np.abs(at - asked[:, None])
+        nearest = np.where(np.isfinite(gap), gap, np.inf).argmin(axis=1)
+        wall = np.where(np.isfinite(asked), at[np.arange(len(at)), nearest], NAN)
+        line = self.lines(table[:, 6:12]) if self.setup.gaps else NAN
+        true = np.where(np.isfinite(line), line, wall)
+        judged = np.stack((t, distance, true, seen, found, exists, confidence, is_held, sd, wall), axis=1)
+        self._judged.add(judged)
+        self._newest = judged[-1].copy()
 
     def lines(self, places: F64) -> F64:
         """Lateral place of the line across a hole of an edge with gaps [m], (n,); nan where no hole is.
@@ -311,72 +356,6 @@ def between_states(
     return Pose.from_euler(position, roll, pitch, yaw), start + share * (end - start)
 
 
-def _look(parts: Sequence[EdgeDetection], reported: F64, places: F64) -> None:
-    """Note what stands where edges are reported.
-
-    reported: t and REPORTED of each, (n, 6); places: rows of `States`, (n, 13)
-    """
-    about = [(judge._reference, judge._begin, judge._end_y, judge._knife_x) for judge in parts]
-    reference, begin, end_y, knife_x = np.array(about).T
-    # where none is reported, the last one counts, at first the knife
-    reference = np.where(np.isfinite(reported[:, 1]), reported[:, 1], reference)
-    px, py, _, ax, bx, _, ay, by, _, _, _, _, distance = places.T
-    x, y = start_across(places.T, reference, begin)
-    rows = np.empty((len(parts), 12))
-    rows[:, 0], rows[:, 1], rows[:, 2:6] = reported[:, 0], distance, reported[:, 2:]
-    for k, ahead in enumerate((reference, knife_x)):
-        rows[:, 6 + 2 * k] = px + ax * ahead + bx * end_y
-        rows[:, 7 + 2 * k] = py + ay * ahead + by * end_y
-    rows[:, 10], rows[:, 11] = bx, by
-    starts, width = np.stack([x, y], axis=1), (2.0 * end_y - begin - begin) / COUNT
-    fields, looked_up = [judge.setup.field for judge in parts], parts[0]._along
-    if looked_up is None:
-        crop = crop_in_each(fields, places[:, :12], starts, width, COUNT)
-    else:  # one judge, beside another
-        crop = looked_up(*fields, places[0, :12].tolist(), starts.tolist(), float(width[0]), COUNT)
-    of_each = parts, np.packbits(crop, axis=1), reference.tolist(), rows.tolist()
-    for judge, packed, at, row in zip(*of_each, strict=True):
-        judge._reference = at
-        judge._rows.append(row)
-        judge._crop.append(packed)
-    if len(parts) * len(parts[0]._rows) >= CHUNK:
-        _judge_rows(parts)
-
-
-def _judge_rows(parts: Sequence[EdgeDetection]) -> None:
-    """Judge what was looked up: rows of `KeptRows`, as `EdgeDetection.series` reads them."""
-    if not (of := [judge for judge in parts for _ in judge._rows]):
-        return
-    table = np.array([row for judge in parts for row in judge._rows])
-    packed = np.stack([crop for judge in parts for crop in judge._crop])
-    places = edges_of(np.unpackbits(packed, axis=1, count=COUNT).astype(bool))
-    at = np.full((len(of), 1 + max(map(len, places))), NAN)
-    for k, own in enumerate(places):
-        at[k, : len(own)] = own
-    first, step, end_y = np.array([(j._begin, j.side * STEP_M, j._end_y) for j in of]).T
-    at = first[:, None] - step[:, None] * at
-    t, distance, offset, confidence, is_held, sd = table[:, :6].T
-    found = (confidence > 0.0) & np.isfinite(offset)
-    exists = (np.abs(at - end_y[:, None]) <= NEAR_M).any(axis=1)
-    seen = np.where(found, offset, NAN)
-    asked = np.where(found, seen, np.where(exists, end_y, NAN))
-    gap = np.abs(at - asked[:, None])
-    nearest = np.where(np.isfinite(gap), gap, np.inf).argmin(axis=1)
-    wall = np.where(np.isfinite(asked), at[np.arange(len(of)), nearest], NAN)
-    true = wall.copy()
-    for judge in dict.fromkeys(judge for judge in of if judge.setup.gaps):
-        mine = [other is judge for other in of]
-        line = judge.lines(table[mine, 6:])
-        true[mine] = np.where(np.isfinite(line), line, wall[mine])
-    columns, end = (t, distance, true, seen, found, exists, confidence, is_held, sd, wall), 0
-    judged = np.stack(columns, axis=1)
-    for judge in dict.fromkeys(of):
-        begin, end = end, end + len(judge._rows)
-        judge._judged.add(judged[begin:end])
-        judge._newest = judged[end - 1].copy()
-        judge._rows, judge._crop = [], []
-
-
 def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
     """Quality of an edge detection. settling: driven before a machine has to have found its edge [m]."""
     s = series.settled(settling)
@@ -393,6 +372,10 @@ def edge_metrics(series: EdgeSeries, *, settling: float) -> dict[str, float]:
         "edge_sample_count": float(len(s.t)),
         "edge_judged_share": mean(is_judged),
     }
+
+
+def no_looks() -> None:
+    """Nobody looks for it together with others."""
 
 
 LEVEL = Level(EdgeDetection, None, summary="the detected edge against the one that stands in the field")

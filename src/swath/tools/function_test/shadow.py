@@ -4,7 +4,7 @@ Open loop: where a detector would have steered the machine is not asked. What it
 that of the detector at the wheel; a shadow of that one says the same to the last bit.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from swath.core.blocks import Seen
@@ -12,7 +12,6 @@ from swath.core.errors import InputError
 from swath.core.graph import Graph, Node
 from swath.core.signal import Signal
 from swath.documents.json_file import json_safe
-from swath.field.edges.present_edge import Bits, Place, Standing, crop_along
 from swath.judge.evaluators.edge_detection import EdgeDetection, States
 from swath.record.digest import Digest
 from swath.runtime.assembly import make_part, outside_of
@@ -27,35 +26,17 @@ from swath.tools.function_test.judging.ranking import EDGE_US
 SUMMARY = "shadow"
 
 
-class SharedLooks:
-    """`crop_along` for the judges of all shadows: what stands on a line is looked up once for all."""
-
-    def __init__(self) -> None:
-        self._found: dict[Any, Bits] = {}
-
-    def clear(self) -> None:
-        """Something went on: the crop may be another."""
-        self._found.clear()
-
-    def __call__(self, field: Standing, pose: Sequence[float], starts: Sequence[Place], *more: Any) -> Bits:
-        """As `crop_along`."""
-        key = *pose, *starts[0], *more
-        if key not in self._found:
-            self._found[key] = crop_along(field, pose, starts, *more)
-        return self._found[key]
-
-
 class Shadow:
     """One detector beside the one that steers, in the slot `name`, such as `combine.edge`."""
 
     def __init__(self, world: World, name: str, scenario: Scenario, judge: EdgeDetection,
-                 looks: SharedLooks, states: States) -> None:  # fmt: skip
+                 states: States) -> None:  # fmt: skip
         machine, _, slot = name.partition(".")
         choice = scenario.machines[machine].slots[slot]
         component, wires = make_part(world, name, choice)
         timing = next(node.slot for node in world.graph.nodes if node.slot.name == name)
         node = Node(timing, component, wires, make_fault(choice, component))
-        self.name, self.judge, self.digest = name, judge.beside(looks, states), Digest()
+        self.name, self.judge, self.digest = name, judge.beside(states), Digest()
         self._node, self._graph = node, Graph([node], scenario.seed, outside=outside_of([node]))
         self._sources = {source for source, _ in wires.values()}
         self.slots = {*self._sources, name}  # of the run, whose samples it takes
@@ -96,18 +77,16 @@ class ShadowHook(RunHook):
         if len(slots) != 1 or judge is None:
             raise InputError(f"{machine.name}.edge", len(slots), "expected one edge detector to shadow")
         name = f"{machine.name}.{slots[0]}"
-        self._motion, self._looks = f"{machine.name}.motion", SharedLooks()
-        self._states = States()
+        self._motion, self._states = f"{machine.name}.motion", States()
         for candidate, scenario in self.scenarios.items():
             _check(candidate, scenario, run.world.scenario, name)
-            self._shadows[candidate] = Shadow(run.world, name, scenario, judge, self._looks, self._states)
+            self._shadows[candidate] = Shadow(run.world, name, scenario, judge, self._states)
         for shadow in self._shadows.values():
             for slot in shadow.slots:
                 self._by_slot.setdefault(slot, []).append(shadow)
         run.observers.append(self._see)
 
     def _see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        self._looks.clear()
         if slot == self._motion and (states := Seen.of_one(slot, t, outputs).of(MachineState)) is not None:
             self._states.take(states)
         for shadow in self._by_slot.get(slot, ()):
