@@ -101,13 +101,9 @@ def filled_by(kind: Any, owner: Any) -> Any:
     return filled(kind, **{name: getattr(owner, name) for name in kind.vars if hasattr(owner, name)})
 
 
-def exact_code(file: Path, *before: Path) -> str:
-    """The body of a native function that has `ExactSum` and `exact_length` of exact.cpp.
-
-    before: files of what else it has
-    """
-    every = (Path(__file__).parent / "exact.cpp", *before, file)
-    return "\n".join(each.read_text(encoding="utf-8") for each in every)
+def exact_code(*files: Path) -> str:
+    """The body of a native function, in files, that has `ExactSum` and `exact_length` of exact.cpp."""
+    return "\n".join(f.read_text(encoding="utf-8") for f in (Path(__file__).parent / "exact.cpp", *files))
 
 
 def address(array: Any) -> int:

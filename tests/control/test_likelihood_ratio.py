@@ -23,15 +23,17 @@ from swath.control.edge.canopy_classes import (
     ROOM,
 )
 from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
+from swath.control.edge.edge_report import EdgeReports
 from swath.control.edge.feet.canopy_feet import CanopyFeet
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
-from swath.control.edge.line.near_line import DISTANCE, LineFit, NearLine
 from swath.control.edge.populations import Populations
+from swath.control.edge.report_rows import ALL
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.signals import Odometry, Scan
 from tests.control.closed_loop import Course, setup_of
 from tests.control.edge_drive import PERIOD, SPEED, along
+from tests.control.edge_rows import reports_of, see, straight
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_edge_hostile import check, odometry, scans, stamped
 
@@ -180,40 +182,41 @@ def test_dust_is_no_tall_crop(comes_again, height):
     assert populations.heights()[0] == pytest.approx(height, abs=0.15)
 
 
-def rows_seen(rows, seed, spread=0.06, turned=0.0):
-    """Feet that saw 8 m of tops over rows [m], or anywhere; turned: the edge since, away from them [rad]."""
-    feet, rng = CanopyFeet(0.75, 3.0), np.random.default_rng(seed)
-    for turns in [*20 * [0.0], *(1 * [turned] if turned else [])]:
+def rows_seen(rows, seed, spread=0.06, turned=0.0, **block):
+    """The feet where 8 m of tops over rows [m], or anywhere, were seen.
+
+    turned: the edge since, away from them [rad]; block: other numbers of its row
+    """
+    feet, rng = CanopyFeet(0.75), np.random.default_rng(seed)
+    for turns in [*(20 * [0.0] if rows is not None else []), *(1 * [turned] if turned else [])]:
         counts = np.zeros((PLACES, CLASSES))
         tops = [row + spread * rng.standard_normal(10) for row in rows] or rng.uniform(0.0, 2.25, (3, 10))
         places = ((np.concatenate(list(tops)) + HALF) / CELL).astype(int)
         np.add.at(counts, (places, round((0.75 - LOWEST) / LAYER)), 1.0)
         feet._look_for_rows(counts, 0.0, 0.4, 0.75, turns)
-    return feet
+    seen = {"height": 0.75, "crop": 0.8, "stopped": 1.0, "dust": 0.0, "overhang": feet.overhang(0.75)}
+    seen |= {"cosine": feet.tops[0], "sine": feet.tops[1], "noise": feet.noise, "along": feet.along}
+    return see(reports_of(rows=0.75, view=3.0), straight(), **seen | block).copy()
+
+
+ROWS = (0.14, 0.89, 1.64)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_where_rows_stand_is_seen_by_their_period(seed):
     """The canopy begins 0.14 m out of rows 0.75 m apart: the edge is half a spacing out of the last one."""
-    feet = rows_seen((0.14, 0.89, 1.64), seed)
-    clear, row, row_sd = feet.rows(0.0)
-    assert clear > 0.99
-    assert row == pytest.approx(0.14 - 0.375, abs=3.0 * row_sd)
-    assert row_sd < 0.03
-    shift, shift_sd, _ = feet.shift(0.75, 0.8, 0.9, 0.0, 0.0)
-    assert shift == pytest.approx(row, abs=0.01)
-    assert 0.03 < shift_sd < 0.05
-    assert feet.rows(0.6)[1] == pytest.approx(row + 0.75)  # the one nearest to the place
+    feet = rows_seen(ROWS, seed)
+    assert feet["rows"] > 0.99
+    assert feet["shift"] == pytest.approx(0.14 - 0.375, abs=0.03)
+    assert 0.03 < feet["shift_sd"] < 0.05
+    further = rows_seen(ROWS, seed, overhang=0.6)  # half a spacing out of the row nearest to the place
+    assert further["shift"] == pytest.approx(feet["shift"] + 0.75, abs=0.01)
     assert CanopyFeet(0.125).spacing == 0.0
 
 
 def test_an_edge_that_turns_away_from_rows_is_not_told_by_them():
     """How sure falls to none where it leaves its row within the way that is summed."""
-    clear = [
-        rows_seen((0.14, 0.89, 1.64), 3, turned=sign * turn).rows(0.0)[0]
-        for turn in (0.0, 0.05, 0.2)
-        for sign in (1, -1)
-    ]
+    clear = [rows_seen(ROWS, 3, turned=sign * turn)["rows"] for turn in (0.0, 0.05, 0.2) for sign in (1, -1)]
     assert clear[0] > 0.99
     assert 0.3 < clear[2] < 0.6
     assert clear[4] == 0.0
@@ -222,12 +225,10 @@ def test_an_edge_that_turns_away_from_rows_is_not_told_by_them():
 
 def test_tops_that_stand_anywhere_show_no_rows_and_the_edge_is_not_known():
     """Nor do rows seen from beside them, whose flanks hide their middles, show it so well."""
-    seen = [rows_seen((), seed).rows(0.0)[0] for seed in range(20)]
+    seen = [rows_seen((), seed)["rows"] for seed in range(20)]
     assert np.median(seen) < 0.3
-    assert CanopyFeet(0.75, 3.0).shift(0.75, 0.8, 0.9, 0.0, 0.0)[1] > 0.2
-    above, beside = (
-        rows_seen((0.14, 0.89, 1.64), 1).shift(0.75, top, 0.9, 0.0, 0.0)[1] for top in (0.8, 2.8)
-    )
+    assert rows_seen(None, 0)["shift_sd"] > 0.2
+    above, beside = (rows_seen(ROWS, 1, crop=top)["shift_sd"] for top in (0.8, 2.8))
     assert beside > 1.5 * above
 
 
@@ -456,33 +457,57 @@ def test_a_gyroscope_that_is_off_moves_the_edge_by_little(bias):
 @pytest.mark.parametrize("stated", [0.1, 0.2, 0.5])
 def test_a_line_is_as_sure_as_its_points_scatter_not_as_they_state(stated):
     """stated: standard deviation that the points are said to have, as a share of the one that they have."""
-    rng, fit, off = np.random.default_rng(1), LineFit(5.5), []
+    rng, reports, off = np.random.default_rng(1), reports_of(), []
+    ahead = float(reports.detectors["reference"][0])
     x = np.arange(0.0, 16.0, 0.4)
     for _ in range(300):
         sd, place = rng.uniform(0.05, 0.3), rng.uniform(6.0, 12.0)
         course, heading = rng.uniform(-0.1, 0.1, size=2)
         u = np.tan(course) * x + sd * rng.standard_normal(len(x))
         rows = np.column_stack([x, u, np.full(len(x), (stated * sd) ** 2), x / np.cos(course)])
-        at = np.array([place - 5.5, np.tan(course) * place - 5.5 * heading, heading])
-        newest = Arc(float(x[-1]), float(u[-1]), float(course), 0.0, distance=float(rows[-1, DISTANCE]))
-        line = fit.near(rows, tuple(at), newest.frame(*at), newest.distance)
+        at = np.array([place - ahead, np.tan(course) * place - ahead * heading, heading])
+        see(reports, rows, at, x=x[-1], u=u[-1], angle=course, distance=rows[-1, 3])
+        line = reports.lines[0]
         c, s = np.cos(heading), np.sin(heading)
-        there = at[:2] + np.array([[c, -s], [s, c]]) @ (line.frame.x, line.frame.u)
+        there = at[:2] + np.array([[c, -s], [s, c]]) @ (line["x"], line["u"])
         beside = there @ (-np.sin(course), np.cos(course))
-        off.append((beside / line.offset_sd, (line.frame.angle + heading - course) / line.angle_sd))
+        off.append((beside / line["offset_sd"], (line["angle"] + heading - course) / line["angle_sd"]))
     rms = np.sqrt(np.mean(np.square(off), axis=0))
     assert (rms > 0.75).all()
     assert (rms < 1.5).all()
 
 
 def test_the_edge_lies_ahead_as_long_as_all_that_was_seen_of_it_does():
-    rng, made, frame = np.random.default_rng(1), detector(), EdgeFrame(5.5, 0.0, 0.0, 0.0)
-    points = made._blocks.points
+    rng, reports = np.random.default_rng(1), reports_of(hold_m=0.0)
+    ahead, found = float(reports.detectors["reference"][0]), []
     for _ in range(100):
-        points.clear()
-        for distance in np.cumsum(rng.exponential(2.0, rng.integers(2, 12))):
-            points.add(distance, 0.0, 1e-4, distance)
-        seen = points.rows[:, DISTANCE]
+        seen = np.cumsum(rng.exponential(2.0, rng.integers(2, 12)))
+        points = np.column_stack([seen, np.zeros(len(seen)), np.full(len(seen), 1e-4), seen])
         place = rng.uniform(seen[0] - 5.0, seen[-1] + 5.0)
-        line = NearLine(frame, 0.1, 0.1, float(abs(seen - place).min()), 0.0, float(seen[-1] - place))
-        assert made._lies_ahead(line) == (seen > place).all()
+        front = {"x": seen[-1] + 10.0, "distance": seen[-1] + 10.0}
+        is_found = see(reports, points, (place - ahead, 0.0, 0.0), **front)["is_found"]
+        assert is_found == (seen > place).all()
+        found.append(is_found)
+    assert 10 < sum(found) < 90
+
+
+def test_reports_of_worlds_in_step_are_those_of_each():
+    """Also where one of them has no edge, or has lost it."""
+    rng, each = np.random.default_rng(3), []
+    for k in range(8):
+        usual, spacing = float(rng.choice([0.0, 0.9])), float(rng.choice([0.0, 0.75]))
+        one = reports_of(usual=usual, rows=spacing)
+        made = {"crop": rng.uniform(0.5, 1.0), "height": 0.8, "stopped": rng.uniform(0.7, 1.0)}
+        made |= {"noise": spacing, "cosine": rng.uniform(0.0, 3.0), "along": 1.0, "overhang": 0.05}
+        made |= {"x": 16.0, "distance": 16.0, "bite": float(rng.choice([0.0, 0.3]))}
+        place = rng.uniform(0.0, 12.0), rng.uniform(-3.0, 3.0), 0.1
+        see(one, straight(rng.uniform(8.0, 16.0)), place, is_begun=float(k != 2), **made)
+        each.append(one)
+    both = EdgeReports(len(each))
+    for k, one in enumerate(each):
+        both.rows[k], both.points[k] = one.rows[0], one.points[0]
+        one.launch(ALL)
+    both.launch(ALL)
+    told = [one.edges.of(0) for one in each]
+    assert 3 < sum(edge.is_found for edge in told) < 8
+    assert repr(both.edges.each()) == repr(told)

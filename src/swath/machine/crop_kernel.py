@@ -58,7 +58,7 @@ class Dropping:
     found: wp.array(dtype=int)
 
 
-@wp.func_native(exact_code(_HERE / "sweep_lines.cpp", _HERE / "swept.cpp"))
+@wp.func_native(exact_code(_HERE / "swept.cpp", _HERE / "sweep_lines.cpp"))
 def sweep(w: int, its: Sweeping): ...
 
 
@@ -66,7 +66,7 @@ def sweep(w: int, its: Sweeping): ...
 def take_in(w: int, its: Dropping): ...
 
 
-@wp.func_native(exact_code(_HERE / "drop_straw.cpp", _HERE / "swept.cpp"))
+@wp.func_native(exact_code(_HERE / "swept.cpp", _HERE / "drop_straw.cpp"))
 def drop(w: int, its: Dropping): ...
 
 

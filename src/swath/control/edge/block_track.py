@@ -85,7 +85,7 @@ class BlockTrack(KeepsState):
     def __init__(self, search: Search) -> None:
         self._search = search
         self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
-        self.populations, self.feet = Populations(), CanopyFeet(search.spacing, search.view)
+        self.populations, self.feet = Populations(), CanopyFeet(search.spacing)
         self._breaks, self._lodging, self.jagged = EdgeBreaks(), Lodging(), JaggedWall()
         self._walls = WallsBehind()
         self.clear()
@@ -116,17 +116,17 @@ class BlockTrack(KeepsState):
         frame: EdgeFrame,
         at: tuple[float, float, float],
         stubble: float,
-    ) -> None:
+    ) -> bool:
         """The rays of a scan in the edge's frame, as the machine sees it from `at` x, u [m], heading [rad].
 
-        stubble: height of its plane over the ground [m]
+        stubble: height of its plane over the ground [m]. True where they made a block, which was looked at
         """
         self._block.add(rays, travel)
         self._scans.append(rays)
         if self._lost is not None:
             self._lost = self._lost[0], self._lost[1] + travel
         if self._block.travel < BLOCK:
-            return
+            return False
         self._lodging.stubble = stubble
         if self.track.arc is None and self._is_taller():
             is_done = True
@@ -143,6 +143,7 @@ class BlockTrack(KeepsState):
         if is_done:
             self._block.clear()
             self._scans, self._headed = [], at[2]
+        return True
 
     def _is_taller(self) -> bool:
         """Most of an unseen crop stands higher than it was taken to: it counts up to there now."""

@@ -77,8 +77,8 @@ class GroundProfile(Clears):
     def _begin_cell(self) -> None:
         self._travel, self._seen, self._felt = self._travel - CELL, np.zeros(5), np.zeros(3)
 
-    def take(self, travel: float, seen: tuple[float, ...] | None, rise: tuple[float, float] | None) -> None:
-        """What was seen and felt over a travel [m].
+    def take(self, travel: float, seen: tuple[float, ...] | None, rise: tuple[float, float] | None) -> bool:
+        """What was seen and felt over a travel [m]; True where that completed a cell, so that all is new.
 
         seen: of the stubble's plane ahead, over the plane of the wheels: x, u of its middle and height there
         [m], slope toward the crop [1]; None where it cannot be seen
@@ -91,11 +91,12 @@ class GroundProfile(Clears):
         if rise is not None:
             self._felt += weight * np.array([*rise, 1.0])
         if self._travel < CELL:
-            return
+            return False
         means = [total[:-1] / total[-1] if total[-1] > 0.0 else None for total in (self._seen, self._felt)]
         self._begin_cell()
         self._advance()
         self._learn(*means)
+        return True
 
     def _learn(self, seen: F64 | None, felt: F64 | None) -> None:
         """Means over the last cell.

@@ -17,11 +17,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from swath.control.edge.feet.overhang import CutWidth, Hang, HeightOverhang, Mode, density
 from swath.control.edge.feet.stem_lean import StemLean
-from swath.control.edge.likelihood_ratio import UNSURE, LikelihoodRatio
+from swath.control.edge.likelihood_ratio import LikelihoodRatio
 from swath.control.edge.likelihood_ratio import Params as ScannerParams
-from swath.control.edge.profile import LEAST_SURE, TOLERANCE, crop_sign
+from swath.control.edge.profile import LEAST_SURE, TOLERANCE, UNSURE, crop_sign
 from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.frames import Pose
@@ -35,10 +34,8 @@ from swath.signals.setup import ControlSetup
 ASKED_M = 0.4  # m of travel after which the lean is estimated anew
 INSIDE, FARTHEST = 0.6, 12.0  # m: rays that end at least so far in the crop, and no farther from the scanner
 CANOPY = (0.5, 1.25)  # of the crop's height, between which they end
-EDGE_OF_TOPS, EDGE_OF_THIN = 0.95, 0.7  # of the overhang of the tops: where a dense, a thin wall is seen
 OWN = 0.01  # m: of each scanner at least, how it is mounted
 TOPS, LEAST_ABOVE = 0.08, 0.5  # of the crop's height: standard deviation of its tops; m above them
-MODEL = 0.1  # standard deviation of the tangent of a lean that the brightness shows
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ class Joined(KeepsState):
     Its inputs are named by the wires.
     """
 
-    kept = ("_each", "_lean", "_told", "_edges", "_seen", "_since", "_shared", "_hang_sd")
+    kept = ("_each", "_lean", "_told", "_edges", "_seen", "_since", "_shared")
     inputs: tuple[Port, ...] = LikelihoodRatio.inputs
     outputs = LikelihoodRatio.outputs
 
@@ -71,10 +68,7 @@ class Joined(KeepsState):
             raise InputError("wires", "none", "expected scanners, such as {left: lidar_left.scan}")
         scans = tuple(Port(name, Scan, unit="m", shape=(None,)) for name in self._mountings)
         self.inputs = (*scans, *LikelihoodRatio.inputs[1:])
-        highest = max(float(pose.position[2]) for pose in self._mountings.values())
-        one = params.each
-        usual = one.upright_m or setup.crop_height, one.height_percent, one.lean_deg
-        self._height = HeightOverhang(*usual, highest)
+        self._highest = max(float(pose.position[2]) for pose in self._mountings.values())
         self._lean = StemLean(PERCENT * params.gain_percent, len(self._mountings))
         self._each = {name: self._one(name, setup) for name in self._mountings}
         self._forget()
@@ -82,7 +76,9 @@ class Joined(KeepsState):
     def _one(self, name: str, setup: ControlSetup) -> LikelihoodRatio:
         own = {port: setup.mountings[port] for port in ("inertial",) if port in setup.mountings}
         mountings = {"scan": self._mountings[name], **own}
-        return LikelihoodRatio(self._p.each, replace(setup, mountings=mountings), self)
+        return LikelihoodRatio(
+            self._p.each, replace(setup, mountings=mountings), self._highest, self._outward
+        )
 
     def _forget(self) -> None:
         self._lean.clear()
@@ -90,7 +86,6 @@ class Joined(KeepsState):
         self._edges: dict[str, CropEdge] = {}
         self._seen = dict.fromkeys(self._mountings, 0)  # time of the newest scan [ns]
         self._since = ASKED_M
-        self._hang_sd = 0.0  # given last to a scanner's own detector [m]
         self._shared = dict.fromkeys(self._mountings, 0.0)  # standard deviation of what all see alike [m]
 
     def reset(self, stream: Stream) -> Outputs:
@@ -107,27 +102,17 @@ class Joined(KeepsState):
             own = {"odometry": odometry, "scan": inputs[name]}
             own |= {port: inputs.get(port) for port in ("inertial", "flow")}
             self._edges[name] = _edge(one.step(t, dt, own))
-            self._shared[name] = self._hang_sd
+            self._shared[name] = one.hang_sd
         least = [self._own(self._mountings[name], edge) for name, edge in self._edges.items()]
         return {"edge": self._joined(list(self._edges.values()), list(self._shared.values()), least)}
 
-    def of(self, crop: float, crop_sd: float, stopped: float, ramp: Mode, cut: CutWidth) -> Hang:
-        """`Overhang` of the stand, for the scanners' own detectors: all of them see the same tops."""
-        hang = self._hang(crop, crop_sd, stopped, ramp, cut)
-        self._hang_sd = hang.sd
-        return hang
-
-    def _hang(self, crop: float, crop_sd: float, stopped: float, ramp: Mode, cut: CutWidth) -> Hang:
+    def _outward(self, low: float) -> tuple[float, float] | None:
+        """For the scanners' own detectors, all of which see the same tops: see `LikelihoodRatio`."""
         if not self._lean.is_seen:
-            return self._height.of(crop, crop_sd, stopped, ramp, cut)
-        low = self._height.lean(crop, stopped)
+            return None
         if self._told is None or self._since >= ASKED_M:
             self._told, self._since = self._lean.outward(low), 0.0
-        lean, sd = self._told
-        if low == 0.0 and lean < 2.0 * sd:
-            return Hang.normal(Mode(1.0 - ramp.chance), ramp)
-        share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN))
-        return Hang.normal(ramp, Mode(1.0 - ramp.chance, share * lean, share * hypot(sd, MODEL)))
+        return self._told
 
     def _look(self, inputs: Inputs, travel: float) -> None:
         """Take the brightness of what stands in the crop, where an edge was found before."""

@@ -6,7 +6,7 @@ uppermost layers come at a period of the spacing, whose phase is where the rows 
 """
 
 from collections.abc import Sequence
-from math import atan2, cos, exp, hypot, pi, sin, sqrt
+from math import cos, exp, pi, sin
 
 import numpy as np
 
@@ -16,37 +16,32 @@ from swath.control.edge.canopy_classes import CELL, HALF, LAYER, LAYERS, LIMIT, 
 from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.feet.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.feet.lean_ramp import LeanRamp
-from swath.control.edge.feet.overhang import Mode, density, mixed
-from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
 from swath.core.portable import product
 from swath.signals import F64
 
 OBLIQUE = 0.09  # rad to the edge from which on its wall looks like a ramp
 MEMORY, GUESS, PARTS = 30.0, 0.06, 3  # m; of the crop's height; parts of plants that make an echo together
-CLEAR, DUSTY, USUAL = 0.05, 0.12, 0.09  # shares of rays; in dust the overhang of cereals, of their height
-MOST = 0.19  # of the crop's height
+USUAL, MOST = 0.09, 0.19  # of the crop's height: overhang of cereals, at most
 ROLL = 0.35  # slope of a ramp that upright plants feign, per rise across the edge
 ACROSS, ALONG = 0.6, 0.03  # the same per rad at which rays go into the crop, from so many on: they soak in
 TOPS = 0.9  # of the crop's height, from which on echoes are of tops
 APART, ALIKE = 0.3, 8.0  # m from row to row: nearer ones are a closed stand; m along which rows go alike
-FLANKS = 0.15  # of their spacing: by how much rows seen from the side seem nearer; a third of it from above
-FEET = 0.25  # standard deviation of the overhang of an upright canopy, of itself
-EVEN, RAGGED = 0.05, 0.09  # m of spread of the blocks: on a ragged edge the usual overhang counts
 
 
 class CanopyFeet(KeepsState):
     """Learns from the rays of accepted blocks. lean: (share 0..1, feet [m], tangent of the lean).
 
     spacing: of the rows [m], 0 where they stand so near that they are none
-    view: height of the scanner [m]
+    tops, noise: of the uppermost layers over the rows: sums of cosines and sines of places; of the squares of
+        what each block added to them
     """
 
-    kept = ("_offset", "_ramp", "lean", "_tops", "_noise", "_heading", "_turned")
+    kept = ("_offset", "_ramp", "lean", "tops", "noise", "_heading", "_turned")
 
-    def __init__(self, spacing: float = 0.0, view: float = 0.0) -> None:
+    def __init__(self, spacing: float = 0.0) -> None:
         self._offset, self._ramp = CanopyOffset(MEMORY, GUESS, parts=PARTS), LeanRamp()
-        self.spacing, self._view = spacing if spacing > APART else 0.0, view
+        self.spacing = spacing if spacing > APART else 0.0
         turns = [2.0 * pi * (CELL * (k + 0.5) - HALF) / (self.spacing or 1.0) for k in range(PLACES)]
         self._phases = np.array([[cos(turn), sin(turn)] for turn in turns])
         self.clear()
@@ -56,8 +51,8 @@ class CanopyFeet(KeepsState):
         self._offset.clear()
         self._ramp.clear()
         self.lean = (0.0, 0.0, 0.0)
-        self._tops: F64 = np.zeros(2)  # of the uppermost layers: sums of cosines and sines of places
-        self._noise = 0.0  # sum of the squares of what each block added to them
+        self.tops: F64 = np.zeros(2)
+        self.noise = 0.0
         self._heading, self._turned = 0.0, 0.0  # of the rows, at rest, and of the edge to them [rad]
 
     def compile(self) -> None:
@@ -92,70 +87,29 @@ class CanopyFeet(KeepsState):
             self._ramp.add(counts, edge)
         feigned = ROLL * abs(scans[-1].rise) + ACROSS * max(scans[-1].across - ALONG, 0.0)
         self.lean = self._ramp.foot(
-            height, self._overhang(height), max(1.0, len(scans) * ALONE / max(travel, ALONE)), feigned
+            height, self.overhang(height), max(1.0, len(scans) * ALONE / max(travel, ALONE)), feigned
         )
 
     def _look_for_rows(self, counts: F64, edge: float, travel: float, height: float, heading: float) -> None:
         """Rows run straight: an edge that turned away from them goes across, and its plants agree by that."""
         if self.spacing:
-            self._heading = self._heading if self._noise > 0.0 else heading
+            self._heading = self._heading if self.noise > 0.0 else heading
             self._turned = heading - self._heading
-            self._heading += self._along * travel / MEMORY * self._turned
+            self._heading += self.along * travel / MEMORY * self._turned
             cells = round(self.spacing * int(WINDOW / self.spacing) / CELL)
             first, layer = round((edge + HALF) / CELL), round((TOPS * height - LOWEST) / LAYER)
             tops = counts[first : first + cells, layer:LAYERS].sum(axis=1)
             c, s = product(tops, self._phases[first : first + len(tops)]).tolist()
             turn, keep = 2.0 * pi * edge / self.spacing, exp(-travel / ALIKE)
-            self._tops = keep * self._tops + (cos(turn) * c + sin(turn) * s, cos(turn) * s - sin(turn) * c)
-            self._noise = float(keep**2 * self._noise + c * c + s * s)
-
-    def rows(self, beside: float) -> tuple[float, float, float]:
-        """(how clearly rows are seen 0..1, half a spacing out of the one nearest to a place [m], its sd [m]).
-
-        Blocks that see no rows point anywhere: the square of their sum is that of each, summed, in the mean,
-        and exceeds it by a factor f with the chance exp(-f). beside: place [m] from the canopy's edge
-        """
-        c, s = self._tops.tolist()
-        if not self._noise > 0.0:
-            return 0.0, 0.0, 0.0
-        f = (c * c + s * s) / self._noise
-        row = self.spacing * (atan2(s, c) / (2.0 * pi) - 0.5)
-        row += self.spacing * round((beside - row) / self.spacing)
-        clear = self._along * (1.0 - exp(-max(f - 1.0, 0.0)))
-        return clear, row, self.spacing / (2.0 * pi * sqrt(2.0 * max(f, 1.0)))
+            self.tops = keep * self.tops + (cos(turn) * c + sin(turn) * s, cos(turn) * s - sin(turn) * c)
+            self.noise = float(keep**2 * self.noise + c * c + s * s)
 
     @property
-    def _along(self) -> float:
+    def along(self) -> float:
         """How sure the edge goes along the rows, which run straight, 0..1."""
         return 1.0 - min(abs(self._turned) * ALIKE / self.spacing, 1.0)
 
-    def _overhang(self, height: float) -> float:
+    def overhang(self, height: float) -> float:
         """Learned overhang of an upright canopy [m]."""
         most = MOST if self._ramp.is_known else USUAL
         return min(self._offset.shift(height), most * height)
-
-    def shift(
-        self, height: float, top: float, stopped: float, spread: float, dust: float
-    ) -> tuple[float, float, Mode]:
-        """The feet behind the edge of the canopy, the standard deviation of that [m], and a lean inward.
-
-        Of a row crop, whose rows are not seen, the edge lies anywhere up to a spacing out of the last one. Of
-        a lean inward where it shows a ramp the feet lie so far behind those of a stand that stands.
-
-        height [m] of the crop over the stubble's plane, its top over the ground; share of rays that it
-        stopped; spread of the blocks about the line [m]; share of rays that dust took
-        """
-        if not height > 0.0:
-            return 0.0, 0.0, Mode(0.0)
-        seen = min(max((DUSTY - dust) / (DUSTY - CLEAR), 0.0), 1.0)
-        dense = max(density(stopped), 1.0 - seen)  # in dust it is not seen how dense the crop is
-        even = min(max((RAGGED - spread) / (RAGGED - EVEN), 0.0), 1.0)
-        learned, usual = dense * self._overhang(height), dense * USUAL * height
-        upright, upright_sd = mixed(seen * even, (learned, FEET * learned), (usual, 0.5 * usual))
-        clear, row, row_sd = self.rows(upright)
-        aside = max(self.spacing - max(self._view - top, 0.0), self.spacing / 3.0)
-        row_sd = hypot(row_sd, FLANKS * aside)
-        upright_sd = hypot(upright_sd, self.spacing / EVENLY)
-        upright, upright_sd = mixed(clear, (row, row_sd), (upright, upright_sd))
-        share, foot, _ = self.lean
-        return upright, upright_sd, Mode((1.0 - clear) * share, seen * foot - upright, FEET * abs(foot))

@@ -1,10 +1,12 @@
-"""`near_line.near_line` compiled: the track's place abreast of the reference, and the parabola about it."""
+"""The edge beside the machine: a robust local parabola through the blocks around the place that is reported.
+
+Interpolation, not extrapolation: the place lies just ahead of the knife, so that blocks stand on both sides:
+the track's place abreast of the reference, and the parabola about it.
+"""
 
 import warp as wp
 
 from swath.control.edge.line import line_weights as w
-
-wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 real = wp.float64
 ZERO, HALF, ONE = (wp.constant(real(n)) for n in (0.0, 0.5, 1.0))
@@ -43,7 +45,12 @@ class Asked:
 
 @wp.struct
 class Line:
-    """The numbers of `near_line.NearLine`."""
+    """The edge near a place, in the machine's frame. x, u [m], angle [rad], bend [1/m]; offset_sd [m],
+    angle_sd [rad].
+
+    gap: distance along the edge from the place to the nearest point [m]; spread: of the points about the line
+    [m]; seen_to: distance along the edge from the place to the last point [m]
+    """
 
     x: wp.float64
     u: wp.float64
@@ -184,15 +191,9 @@ def sort_by_way(
         s[X, i] = wp.max(s[X, i], s[X, i - 1])
 
 
-@wp.kernel
-def near_line(
-    asks: wp.array(dtype=Asked),
-    points: wp.array(dtype=wp.vec4d),
-    s: wp.array2d(dtype=wp.float64),
-    lines: wp.array(dtype=Line),
-):
+@wp.func
+def near(ask: Asked, points: wp.array(dtype=wp.vec4d), s: wp.array2d(dtype=wp.float64)) -> Line:
     """points: (x, u, variance, distance) in the frame at rest; s: scratch, (8, room)."""
-    ask = asks[0]
     n = int(ask.count)
     c = wp.cos(ask.heading)
     sn = wp.sin(ask.heading)
@@ -235,4 +236,4 @@ def near_line(
     line.offset_sd = wp.sqrt(p.covariance[0, 0])
     line.angle_sd = wp.sqrt(p.covariance[1, 1])
     line.spread = p.spread
-    lines[0] = line
+    return line

@@ -1,0 +1,145 @@
+// How far the tops of a stand hang over the edge: what its height says of that, and how wide the header cuts.
+//
+// A stand that leans out over the edge shows a wall as sharp as that of an upright one, only further out, by z tan(lean) where
+// its tops are at z. It is lower than one that stands, but how high that would be is known to a tenth or two of itself: one
+// scanner on one side cannot tell a short stand that stands from a tall one that leans out. So the chance of every lean in
+// every direction is kept. They make two modes, standing and leaning out; what is reported is the likelier one, with deviation
+// and confidence of both, and the other one beside it.
+//
+// How wide the header cuts says where the feet stand: as far from its end as is missing of its width. It may miss more,
+// tramlines and holes, never less.
+//
+// Before the body of a native function, after exact.cpp. In: a row of report_rows.py.
+
+typedef double D;
+Row& q = *(Row*)row.data;
+auto &s = q.step;
+auto &f = q.feet;
+const auto& d = q.detector;
+const auto& b = q.block;
+const auto& o = q.told;
+// of a stand's usual height, mean and standard deviation of what is seen of it where it stands, and share of the rays that it
+// stops: 26 upright stands of six crops, five scanners, `empirical` and `plants`
+constexpr D DENSE[3] = {0.965, 0.03, 1.0}, THIN[3] = {0.77, 0.06, 0.75};
+// chances that the header misses crop elsewhere, too, estimated: holes, evenly up to so much [m], and the two wheel tracks of a
+// tramline, tyres of 0.3 to 0.65 m; passes with one where lines lie 24 to 36 m apart
+constexpr D MISSED = 0.1, HOLES_M = 2.0, TRAMLINES = 0.3, TRACKS_M[2] = {0.6, 1.3};
+constexpr D UNEVEN = 0.05;  // m, standard deviation of the width over a metre of a ragged edge, estimated
+constexpr D CUT_M = 10.0;   // m of travel over which what the header cuts says how the stand leans, estimated
+constexpr D RAMPS = 0.98;   // chance at most that what seems a ramp is one, estimated
+constexpr D PLACE = 0.025, FIRST = -20.0, NEVER = 1e-6;  // m between places that a hang may have, of them; chance that is none
+constexpr int PLACES = 100, STANDING = 6;                // places; leans that are those of a stand that stands, < 15 deg
+constexpr D EDGE_OF_TOPS = 0.95, EDGE_OF_THIN = 0.7;     // of the overhang of the tops: where a dense, a thin wall is seen
+constexpr D MODEL = 0.1;                                 // standard deviation of the tangent of a lean that brightness shows
+constexpr D PI = 3.141592653589793;
+
+volatile D two = 2.0;  // `x ** 2` of Python is the C library's `pow`, whose last bit is not always that of a product
+auto larger = [](D a, D b) { return b > a ? b : a; };   // as `max` of Python
+auto smaller = [](D a, D b) { return b < a ? b : a; };  // and `min`
+auto within = [&](D low, D x, D high) { return smaller(larger(x, low), high); };
+auto square = [&](D x) { return ::pow(x, two); };
+auto length = [&](D a, D b, D c = 0.0, D e = 0.0) {
+  const D v[4] = {a, b, c, e};
+  return exact_length(v, 4);
+};
+auto some = [](const D* v, int n) {  // in numpy's order
+  D r[8] = {};
+  int i = 0;
+  if (n >= 8)
+    for (; i < n - n % 8; ++i) r[i % 8] = i < 8 ? v[i] : r[i % 8] + v[i];
+  D all = ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]));
+  for (; i < n; ++i) all += v[i];
+  return all;
+};
+auto sum = [&](const D* v, int n) { return n > 128 ? some(v, n / 2 / 8 * 8) + some(v + n / 2 / 8 * 8, n - n / 2 / 8 * 8) : some(v, n); };
+auto density = [&](D stopped) {  // how dense a stand is that stops a share of the rays, 0 = thin .. 1
+  return within(0.0, (stopped - THIN[2]) / (DENSE[2] - THIN[2]), 1.0);
+};
+auto seen = [&](int k, D stopped) {  // mean, deviation of the height at which a stand is seen that stands, of its usual one
+  return THIN[k] + density(stopped) * (DENSE[k] - THIN[k]);
+};
+auto by_height = [&](D crop, D crop_sd, D stopped, D* chance) {  // of every lean, in any direction, once a height was seen
+  const D mean = seen(0, stopped), seen_sd = seen(1, stopped), known = square(seen_sd) + square(crop_sd / d.upright);
+  const D high = smaller(crop / d.upright, mean + seen_sd);
+  for (int i = 0; i < LEANS; ++i) {
+    const D tall = mean * d.tall[i], own = d.height_sd * tall, sd = __builtin_sqrt(known + own * own), away = (high - tall) / sd;
+    chance[i] = d.prior[i] * (::exp(-0.5 * (away * away)) / sd);
+  }
+  const D all = larger(sum(chance, LEANS), 1e-300);
+  for (int i = 0; i < LEANS; ++i) chance[i] /= all;
+};
+auto lean_of = [&](D crop, D stopped) {  // of the stems off the vertical [rad], 0 where crop of this height may as well stand
+  D chance[LEANS];
+  if (!(d.upright > 0.0)) return 0.0;
+  by_height(crop, 0.0, stopped, chance);
+  if (!(sum(chance, STANDING) < 0.5)) return 0.0;
+  return ::acos(smaller(larger(crop, 0.0) / (d.upright * seen(0, stopped)), 1.0));
+};
+auto by_cut = [&](D hang) {  // likelihood of the feet so far behind the canopy's edge [m]; 1 where nothing was cut
+  if (!(s.cut_way > 0.0)) return 1.0;
+  const D sd = length(d.cut_sd, UNEVEN / __builtin_sqrt(larger(s.cut_way, 1.0)));
+  const D more = s.cut_missing / s.cut_way - larger(s.cut_beside / s.cut_way + hang, 0.0), away = more / sd;
+  const D own = ::exp(-0.5 * (away * away)) / (__builtin_sqrt(2.0 * PI) * sd);
+  const D holes = MISSED / HOLES_M * (more > 0.0 && more < HOLES_M ? 1.0 : 0.0);
+  const D tracks = TRAMLINES / (TRACKS_M[1] - TRACKS_M[0]) * (more > TRACKS_M[0] && more < TRACKS_M[1] ? 1.0 : 0.0);
+  return (1.0 - MISSED - TRAMLINES) * own + holes + tracks + 1e-9;
+};
+
+struct Mode {  // how far the feet stand behind the edge of the tops, and its deviation [m], with what chance
+  D chance, place, sd;
+};
+D hangs[PLACES] = {}, part[PLACES];  // chance of each place
+auto place_of = [](int k) { return PLACE * (FIRST + k); };
+auto put = [&](D hang, D chance) {
+  const D k = __builtin_rint((hang - place_of(0)) / PLACE);
+  hangs[k > 0.0 ? (int)(k < PLACES - 1.0 ? k : PLACES - 1.0) : 0] += chance;
+};
+auto put_normal = [&](const Mode& m, bool is_cut) {
+  for (int i = 0; i < NORMALS; ++i) {
+    const D hang = m.place + m.sd * d.deviation[i], chance = m.chance * d.normal[i];
+    put(hang, is_cut ? chance * by_cut(hang) : chance);
+  }
+};
+auto mode_of = [&](int first, int count) {  // at the median of these places
+  const D* chance = hangs + first;
+  const D all = larger(sum(chance, count), 1e-12), half = 0.5 * all;
+  D before = 0.0, last = 0.0, found = place_of(first + count - 1);
+  for (int i = 0; i < count; ++i) {
+    before = before + chance[i];
+    const D middle = before - 0.5 * chance[i];
+    if (middle > half) {
+      const D low = place_of(first + i - 1), slope = (place_of(first + i) - low) / (middle - last);
+      found = i == 0 ? place_of(first) : half == last ? low : slope * (half - last) + low;
+      break;
+    }
+    last = middle;
+  }
+  for (int i = 0; i < count; ++i) part[i] = chance[i] * ((place_of(first + i) - found) * (place_of(first + i) - found));
+  return Mode{all, found, __builtin_sqrt(sum(part, count) / all)};
+};
+auto fill = [&](D crop, D crop_sd, D stopped, Mode ramp) {  // crop: over the ground, and its deviation [m]; ramp: leaning inward
+  if (o.is_told > 0.0) {  // by scanners on several sides
+    const D share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN));
+    const bool stands = f.low == 0.0 && o.lean < 2.0 * o.sd;
+    const Mode out{1.0 - ramp.chance, share * o.lean, share * length(o.sd, MODEL)};
+    put_normal(stands ? Mode{out.chance, 0.0, 0.0} : ramp, false);
+    put_normal(stands ? ramp : out, false);
+    return;
+  }
+  ramp.chance = smaller(ramp.chance, RAMPS);
+  D rest = 1.0 - ramp.chance, chance[LEANS], each[LEANS * DIRECTIONS];
+  if (__builtin_isnan(crop) || !(d.upright > 0.0)) {  // any height up to that, leaning or not
+    put_normal({rest, 0.0, d.upright / 3.0}, false);
+    put_normal(ramp, false);
+    return;
+  }
+  by_height(crop, crop_sd, stopped, chance);
+  for (int k = 0; k < LEANS * DIRECTIONS; ++k) each[k] = chance[k / DIRECTIONS] * d.no_ramp[k];
+  const D tops = smaller(crop, d.upright * (1.0 + d.height_sd));  // higher: it is no crop of that height
+  rest /= sum(each, LEANS * DIRECTIONS);
+  for (int k = 0; k < LEANS * DIRECTIONS; ++k) {
+    const D hang = tops * d.hang[k];
+    put(hang, rest * each[k] * by_cut(hang));
+  }
+  put_normal(ramp, true);
+};

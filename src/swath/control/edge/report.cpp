@@ -1,0 +1,158 @@
+// The edge just ahead of the knife as the detector tells it, after overhang.cpp: the body of a native function.
+//
+// The line that `near_line_kernel.near` fitted lies at the canopy; it is moved to the feet of the crop: behind the overhang of an
+// upright stand, or to the foot of the ramp of one that leans away from the edge, and then to where the stand's height, what the
+// header cuts and other scanners say that they are. Stage FEET finds what has to be known of the first two, stage EDGE the rest.
+//
+// In: points of the edge. In and out: a row of report_rows.py, sums of what was cut and feet in it; the line. Out: edge, a row of
+// `CropEdge`.
+
+constexpr D RAGGED = 2.8, EVEN = 0.03;  // of the scatter beyond that of an even edge, of its height: bites, swing
+constexpr D BENT = 0.4;                 // m per bend of 1/m: rays that cross the edge show it less well
+constexpr D SLIPPED = 0.12;             // m per rad that the edge turns away from the crop: 1.3 % of wheel slip, not known
+constexpr D HIDDEN = 0.4;               // of what the wall lies to and fro along the edge: bites behind what stands out
+constexpr D BITES = 0.8;                // of the depth of bites: the edge lies 0.76 of it further in than the line, at most
+constexpr D ROWS = 0.125;               // of their spacing: scatter of single plants in rows, which are no bites
+constexpr D HELD = 0.167;               // m, least deviation of an edge that is held, not seen
+constexpr D BETWEEN = 0.7;              // m to the nearest block from which on an edge is held
+constexpr D OVER_M = 1.0;               // m of travel over which the header tells its width
+constexpr D LEAST_COS = 0.2;            // of the edge's angle to the machine
+constexpr D CLEAR = 0.05, DUSTY = 0.12;      // shares of rays that dust takes: it hides nothing, all
+constexpr D SMOOTH_M = 0.05, UNEVEN_M = 0.09;  // m of spread of the blocks: on an uneven edge the usual overhang counts
+constexpr D FLANKS = 0.15;  // of their spacing: by how much rows seen from the side seem nearer; a third of it from above
+constexpr D FEET_SD = 0.25; // standard deviation of the overhang of an upright canopy, of itself
+
+struct Edge {
+  D offset, heading, curvature, reference_x, confidence, crop_height, stubble_height, offset_sd, heading_sd, seen_to;
+  bool is_held;
+  D other_offset, other_chance;
+};
+Edge& reported = *(Edge*)edge.data;
+auto& line = lines.data[world];
+const int count = (int)b.points;
+auto variance = [&](int i) { return points.data[i][2]; };
+auto distance = [&](int i) { return points.data[i][3]; };
+auto is_seen = [&](int i) { return variance(i) < VAGUE * VAGUE; };
+auto shows = [&](D place, D early) {  // a standing edge was seen near a place along it, and no hole may lie there
+  bool found = false;
+  for (int i = 0; i < count; ++i) found |= __builtin_fabs(distance(i) - place) <= BETWEEN && is_seen(i);
+  for (int i = 0; i < (int)b.returns; ++i) found &= !(place - early < q.back[i] && q.back[i] < place + BETWEEN);
+  return found;
+};
+auto along = [&] { return distance(count - 1) - line.seen_to; };  // the edge, of the reported place [m]
+auto canopy = [&](D x, D steep) {  // where its edge lies aside at a place ahead of the machine's origin [m]; steep: its cosine
+  const D beyond = x - line.x;
+  return line.u + beyond * ::tan(line.angle) + 0.5 * line.bend * square(beyond / steep) / steep;
+};
+
+if (stage & FEET && f.is_found > 0.0) {
+  bool goes_on = false;
+  for (int i = 0; i < count; ++i) goes_on |= distance(i) >= along() - BETWEEN && is_seen(i);
+  if (!(b.bite == 0.0 && goes_on)) {  // as the track has it
+    const auto& ask = asks.data[world];
+    const D more = d.reference - ask.front_x, way = more / larger(::cos(ask.front_angle), LEAST_COS);
+    line.x = d.reference;
+    line.u = ask.front_u + more * ::tan(ask.front_angle) + 0.5 * b.bend * square(way);
+    line.angle = ask.front_angle + b.bend * way;
+    line.bend = b.bend;
+    line.offset_sd = larger(line.offset_sd, BITES * b.bite);
+    line.angle_sd = larger(line.angle_sd, b.turn_sd);
+  }
+  // all that was seen of the edge may lie ahead of the reported place: what is ahead will be reached
+  f.is_found = !(line.gap > d.hold && !(line.seen_to > distance(count - 1) - distance(0)));
+
+  // how clearly rows are seen 0..1, half a spacing out of the one nearest to a place [m], its deviation [m]: blocks that see
+  // none point anywhere, the square of their sum is that of each, summed, and exceeds it by a factor f with the chance exp(-f)
+  auto row_at = [&](D beside) {
+    if (!(b.noise > 0.0)) return Mode{0.0, 0.0, 0.0};
+    const D times = (b.cosine * b.cosine + b.sine * b.sine) / b.noise, turn = 2.0 * PI;
+    const D first = d.spacing * (::atan2(b.sine, b.cosine) / turn - 0.5);
+    const D place = first + d.spacing * __builtin_rint((beside - first) / d.spacing);
+    const D clear = b.along * (1.0 - ::exp(-larger(times - 1.0, 0.0)));
+    return Mode{clear, place, d.spacing / (turn * __builtin_sqrt(2.0 * larger(times, 1.0)))};
+  };
+  auto mixed = [&](D share, const Mode& one, const Mode& other) {  // two that may hold, the first with a chance `share`
+    const D rest = 1.0 - share, apart = share * rest * square(one.place - other.place);
+    const D all = share * square(one.sd) + rest * square(other.sd) + apart;
+    return Mode{1.0, share * one.place + rest * other.place, __builtin_sqrt(all)};
+  };
+  const D crop = b.crop + b.plane;
+  Mode upright{0.0, 0.0, 0.0}, ramp{0.0, 0.0, 0.0};
+  if (b.height > 0.0) {
+    const D clean = within(0.0, (DUSTY - b.dust) / (DUSTY - CLEAR), 1.0);
+    const D dense = larger(density(b.stopped), 1.0 - clean);  // in dust it is not seen how dense the crop is
+    const D even = within(0.0, (UNEVEN_M - line.spread) / (UNEVEN_M - SMOOTH_M), 1.0);
+    const D learned = dense * b.overhang, usual = dense * USUAL * b.height;
+    upright = mixed(clean * even, {1.0, learned, FEET_SD * learned}, {1.0, usual, 0.5 * usual});
+    Mode row = row_at(upright.place);
+    row.sd = length(row.sd, FLANKS * larger(d.spacing - larger(d.view - crop, 0.0), d.spacing / 3.0));
+    upright.sd = length(upright.sd, d.spacing / EVENLY);
+    upright = mixed(row.chance, row, upright);
+    ramp = {(1.0 - row.chance) * b.lean, clean * b.foot - upright.place, FEET_SD * __builtin_fabs(b.foot)};
+  }
+  f.shift = upright.place, f.shift_sd = upright.sd;
+  f.ramp_chance = ramp.chance, f.ramp = ramp.place, f.ramp_sd = ramp.sd;
+  f.rows = row_at(upright.place).chance;  // of plants, which stand out by themselves
+  f.dense = larger(b.stopped, f.rows);    // where its plants are
+  f.low = lean_of(crop, f.dense);
+}
+
+if (stage & EDGE) {
+  const D none = __builtin_nan("");
+  reported = {none, none, 0.0, d.reference, 0.0, none, none, none, none, none, false, none, 0.0};
+  if (f.is_found > 0.0) {
+    const D steep = larger(::cos(line.angle), LEAST_COS), knife = along() + (d.knife - line.x);
+    const D crop = b.crop + b.plane, place = canopy(d.reference, steep);
+    if (s.missing < HOLES_M && shows(knife, OVER_M)) {
+      const D keep = ::exp(-s.travel / CUT_M);
+      s.cut_way = keep * s.cut_way + s.travel;
+      s.cut_missing = keep * s.cut_missing + s.travel * s.missing;
+      s.cut_beside = keep * s.cut_beside + s.travel * (canopy(d.knife, steep) + f.shift / steep - d.centre);
+    }
+    fill(crop, b.plane_sd, f.dense, {f.ramp_chance, f.ramp, f.ramp_sd});
+    const D all = sum(hangs, PLACES);
+    int inside = 0;
+    for (int k = 0; k < PLACES; ++k) hangs[k] /= all;
+    while (!(place_of(inside) > TOLERANCE)) ++inside;
+    Mode out = mode_of(inside, PLACES - inside), in = mode_of(0, inside);  // leaning out by more than that, and not
+    const bool stands = out.chance < in.chance || (out.chance == in.chance && out.place < in.place);
+    const Mode &other = stands ? out : in, &likely = stands ? in : out;
+    for (int k = 0; k < PLACES; ++k) part[k] = hangs[k] * ((place_of(k) - likely.place) * (place_of(k) - likely.place));
+    f.hang_sd = __builtin_sqrt(sum(part, PLACES));
+
+    const bool is_smooth = b.bite > 0.0;
+    const D even = larger(EVEN * b.height, ROWS * f.rows * d.spacing);
+    const D ragged = is_smooth ? 0.0 : __builtin_sqrt(larger(0.0, b.scatter - square(even)));
+    const D hidden = HIDDEN * density(b.stopped) * (1.0 - f.rows) * (is_smooth ? 0.0 : b.swing);
+    const D alike = d.open + density(b.stopped) * (d.closed - d.open);
+    D known = length(line.offset_sd, RAGGED * ragged, hidden, f.shift_sd);
+    known = length(known, BENT * line.bend, SLIPPED * smaller(line.angle, 0.0), alike);
+    known = length(known, b.blank / EVENLY);  // evenly anywhere in it
+    D sd = length(known, f.hang_sd) / steep, sure = 0.0;
+    const D scale = 1.0 / (__builtin_sqrt(2.0) * known);  // feet within TOLERANCE of where they are told
+    for (int k = 0; k < PLACES; ++k) {
+      const D away = place_of(k) - likely.place;
+      if (hangs[k] > NEVER) sure += 0.5 * hangs[k] * (::erf((TOLERANCE - away) * scale) + ::erf((TOLERANCE + away) * scale));
+    }
+    sure = sure * smaller(1.0, b.agreed / 0.8);
+    // the wall behind a hole is seen from over it: rays on their way down from the canopy's top to the lower limit are stopped
+    // by it; a block lies in the middle of that way
+    if (is_smooth || !__builtin_isfinite(crop) || !shows(along(), d.early * crop + 0.5 * BLOCK_M)) {
+      sure = smaller(sure, UNSURE);
+      sd = larger(sd, HELD);
+    }
+    sure = smaller(larger(sure, LEAST_SURE), 1.0);
+    reported.offset = d.sign * (place + (f.shift + likely.place) / steep);
+    reported.heading = d.sign * line.angle;
+    reported.curvature = d.sign * line.bend;
+    reported.confidence = f.fresh >= 1.0 ? sure : larger(f.fresh * sure, LEAST_SURE);
+    reported.crop_height = crop;
+    reported.stubble_height = b.stubble + b.plane;
+    reported.offset_sd = sd;
+    reported.heading_sd = line.angle_sd;
+    reported.seen_to = d.reference + (line.seen_to + 0.5 * BLOCK_M) * steep;
+    reported.is_held = line.gap > 1.0;
+    if (other.chance > 0.0) reported.other_offset = d.sign * (place + (f.shift + other.place) / steep);
+    reported.other_chance = other.chance;
+  }
+}
