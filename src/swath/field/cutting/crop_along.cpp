@@ -1,11 +1,10 @@
 // Whether crop stands at places along lines: the body of one native function (cut_kernel.py).
 //
-// In: land (1,), starts (n, 2), step (2,) in cells. Out: crop (n, count) at the middles of the steps; is_missing: 1 where a page is not
+// In: land, starts (n, 2), step (2,) in cells. Out: crop (n, count) at the middles of the steps; is_missing: 1 where a page is not
 // in memory.
 
 constexpr int PAGE = 512, STANDING = 255;  // as in land_kernel.py
 constexpr int ROOM = 64;                   // places whose cells are found at once
-const auto& land = lands.data[0];
 const int lines = crop.shape[0], count = crop.shape[1], nx = land.table.shape[1], ny = land.table.shape[0];
 const double dx = step.data[0], dy = step.data[1];
 for (int n = 0; n < lines; ++n) {

@@ -22,7 +22,7 @@ def lay(w: int, its: Work): ...
 
 @wp.func_native(code("crop_along.cpp"))
 def look_along(
-    lands: wp.array(dtype=Land),
+    land: Land,
     starts: wp.array2d(dtype=wp.float64),
     step: wp.array(dtype=wp.float64),
     crop: wp.array2d(dtype=wp.bool),
@@ -54,4 +54,4 @@ def crop_along(
 
     is_missing: becomes 1 where a page is not in memory
     """
-    look_along(lands, starts, step, crop, is_missing)
+    look_along(lands[0], starts, step, crop, is_missing)
