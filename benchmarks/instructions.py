@@ -85,10 +85,9 @@ def count_parts(world: Any, evaluation: Any, observers: Sequence[Any]) -> Parts:
         name = type(evaluator).__name__
         if hasattr(evaluator, "take"):
             parts.count(evaluator, "take", f"Evaluation{WITHIN}{name}")
-        if hasattr(type(evaluator), "see_all"):
-            parts.count(type(evaluator), "see_all", f"{name} at its time")
-        elif hasattr(evaluator, "see_live"):
-            parts.count(evaluator, "see_live", f"{name} at its time")
+        for method in ("see_live", "look_at"):
+            if hasattr(evaluator, method):
+                parts.count(evaluator, method, f"{name} at its time")
     lockstep.connect()  # those that were asked before are asked anew
     for observer in observers:
         parts.count(type(observer), "take", type(observer).__name__)

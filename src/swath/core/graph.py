@@ -542,7 +542,8 @@ class Lockstep:
             op.needs[0] = 0
             if op is not member.op:
                 op.supply(stage)
-                program.end_with_tick()  # it may want to look at every sample from now on
+                self._has_news = True
+                program.end_with_tick()  # it may end the world, or want to be shown samples from now on
                 need = program.go_on()
                 continue
             PRESENT.part = self._ranks[member.place].name
@@ -586,7 +587,9 @@ class Lockstep:
         """
         for op in () if is_walked else self._looking.get(rank.name, {}).values():
             if any(row is given for row in outputs.values() for given in op.given.values()):
+                op.clock[1] = t
                 op.go()
+                self._has_news = True
         for audience in self._shown_to(rank, [row.kind for row in outputs.values()]):
             self._has_news |= audience.show(rank.name, t, outputs, self.blocks) and audience.may_end
 
@@ -640,8 +643,10 @@ class Lockstep:
         near = {w: row for w, row in self._latest.items() if w[0] in self._names}
         own = [row for (slot, _), row in near.items() if slot == rank.name]
         beside = [row for (slot, _), row in near.items() if slot.partition(".")[0] == machine]
-        for audience in audiences(dict(enumerate(self._watched)), rank.name, (*(row.kind for row in own),)):
-            if len(audience.worlds) < len(self.graphs) or (op := audience.looking()) is None:
+        kinds = (*(row.kind for row in own),)
+        for audience in audiences(dict(enumerate(self._watched)), rank.name, kinds):
+            is_whole = len(audience.worlds) == len(self.graphs)
+            if (op := audience.looking(rank.name, kinds) if is_whole else None) is None:
                 continue
             fits = {
                 port: [row for row in own if issubclass(row.kind, kind)]

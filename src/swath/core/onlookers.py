@@ -16,11 +16,10 @@ _rest = attrgetter("rests_until")
 class Audience:
     """Those of one class, each in its world, that are shown what a slot sends; all of them rest, or none.
 
-    A class with `see_all(parts, slot, t, Shown)` is shown samples of all its worlds at once. One with
-    `looking(parts)` gives an op (`core/ops.py`) that looks at what a slot sends, right after it: the row of
-    each type that it `reads` is the slot's own, else that of the only output of its machine that is one.
-    Before anybody looks at a block, `look()` has it tell its parts what it found. Where not all worlds have
-    such a part, or a row is missing, samples are shown.
+    A class with `looking(parts, slot, kinds)` may give an op (`core/ops.py`) that looks at samples of these
+    types which a slot sends, right after it: the row of each type that it `reads` is the slot's own, else
+    that of the only output of its machine that is one. `look()` has it tell its parts what it found, before
+    these are given a block. Where not all worlds have such a part, or a row is missing, samples are shown.
     key: what it is known by among those of a slot; worlds: their numbers
     may_end: whether one of them may end a world
     """
@@ -31,12 +30,11 @@ class Audience:
         self._parts = [looker.part for looker in lookers]
         self._rests = lookers[0].rests
         self.may_end = any(isinstance(part, EndsRun) for part in self._parts)
-        self._see_all = getattr(type(self._parts[0]), "see_all", None)
 
-    def looking(self) -> Any:
+    def looking(self, slot: str, kinds: Kinds) -> Any:
         """What looks for all of them, compiled; None = nothing."""
-        make = None if self._rests else getattr(type(self._parts[0]), "looking", None)
-        return None if make is None else make(self._parts)
+        make = getattr(type(self._parts[0]), "looking", None)
+        return None if make is None else make(self._parts, slot, kinds)
 
     def sleeps(self) -> int:
         """Until when [ns] none of them has to be shown anything."""
@@ -47,12 +45,8 @@ class Audience:
         awake: Sequence[int] = range(len(self._parts))
         if self._rests:
             awake = [k for k, part in enumerate(self._parts) if t >= part.rests_until]
-        if self._see_all is None:
-            for k in awake:
-                self._lookers[k].see(slot, t, Shown(sent, [self.worlds[k]], blocks))
-        elif awake:
-            shown = Shown(sent, [self.worlds[k] for k in awake], blocks)
-            self._see_all([self._parts[k] for k in awake], slot, t, shown)
+        for k in awake:
+            self._lookers[k].see(slot, t, Shown(sent, [self.worlds[k]], blocks))
         return bool(awake)
 
 

@@ -13,6 +13,7 @@ from swath.field.edges.present_edge import SIDE_M, STEP_M
 from swath.field.field import Field
 from swath.field.memory_layout import MOVED
 from swath.judge.evaluator import EvaluatorSetup
+from swath.judge.waking import times_of
 from swath.kernels import Repeated, filled, of_worlds
 from swath.signals import F64, CropEdge, MachineState
 
@@ -50,7 +51,7 @@ class EdgeLooks(Compiled):
         """One launch."""
         from swath.field.cutting.land_kernel import Land
         from swath.field.edges.profile_kernel import Profile
-        from swath.judge.edge_kernel import Across, look_across
+        from swath.judge.look_kernel import Across, look_across
 
         n, edge, state = self.worlds, self.given["edge"], self.given["state"]
         self._machines = [_known_of(setup) for setup in self._setups]
@@ -60,8 +61,8 @@ class EdgeLooks(Compiled):
         own = self.asks, self.waits, self.reference, np.zeros((n, 1, 2)), np.zeros((n, 2))
         found = np.zeros((n, 1), np.int32), np.zeros(n, np.int32), self.rows, self.crop, self.counts
         reported = (self.column("edge", name) for name in REPORTED)
-        place = _times(state), state.arrays["pose"], state.arrays["distance"]
-        given = self.needs, self.active, *structs, _times(edge), *reported, *place
+        place = times_of(state), state.arrays["pose"], state.arrays["distance"]
+        given = self.needs, self.active, *structs, times_of(edge), *reported, *place
         return [self.launch(look_across, *given, *own, *found)]
 
     def supply(self, stage: int) -> None:
@@ -117,7 +118,7 @@ class LooksOfAll(EdgeLooks):
         edge = self.given["edge"]
         for world in np.flatnonzero(self.asks == WAIT).tolist():
             self.tell(world)
-            judge, t = self._judges[world], _times(edge)
+            judge, t = self._judges[world], times_of(edge)
             reported = [t[world % len(t)], *(edge.number(world, name) for name in REPORTED)]
             judge.wait(list(map(float, reported)), self.blocks.waiting(world, MachineState, judge.setup.name))
             self.reference[world], self.waits[world] = judge.reference, judge.is_waiting
@@ -147,7 +148,7 @@ def _known_of(setup: EvaluatorSetup) -> tuple[Any, Any, Any]:
     """What the kernel knows of a machine and its field as it lies in memory now."""
     from swath.field.cutting.land_kernel import Land
     from swath.field.edges.profile_kernel import Profile
-    from swath.judge.edge_kernel import Across
+    from swath.judge.look_kernel import Across
 
     (begin, width), field = span_across(setup), setup.field
     knife_x, end_y = setup.machine.geometry.header_end(setup.machine.edge_side)[:2]
@@ -160,9 +161,3 @@ def _known_of(setup: EvaluatorSetup) -> tuple[Any, Any, Any]:
         return filled(Across, has_profile=1, **held, **line), Land(), field.profile.struct()
     pools = {name: getattr(field.pages, name) for name in POOLS}
     return filled(Across, **held, **line), filled(Land, **pools), Profile()
-
-
-def _times(row: Row) -> NDArray[np.int64]:
-    """Times of the samples of a row [ns], of each world or one for all."""
-    found: NDArray[np.int64] = row.memory["t"] if row.is_held else row.stamp
-    return found

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 import numpy as np
 
 from swath.core.ability import ByMembers
-from swath.core.blocks import Block, Seen, Shown
+from swath.core.blocks import Block, Seen
 from swath.core.errors import SwathError
 from swath.core.files.unnamed_file import UnnamedFile
 from swath.core.packed_state import saved_type
@@ -362,19 +362,6 @@ class SeesLive(Protocol, metaclass=ByMembers):
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look at the outputs of a slot at a time [ns]."""
-
-
-class SeesAll:
-    """An evaluator whose class is shown the samples of many worlds at once, and of one in the same way."""
-
-    @classmethod
-    def see_all(cls, parts: Sequence[Any], slot: str, t: int, shown: Shown) -> None:
-        """Look at the outputs of a slot at a time [ns], each of the evaluators at those of its world."""
-        raise NotImplementedError
-
-    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look at those of one world."""
-        self.see_all([self], slot, t, Shown.of_one(outputs))
 
 
 class Later:

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.abilities import Ending, HasRanges
-from swath.core.blocks import Shown
+from swath.core.blocks import samples_of
 from swath.core.errors import InputError
 from swath.core.estimate import Estimate, held
 from swath.core.layout import quantities
@@ -36,8 +36,10 @@ from swath.core.schedule import NS
 from swath.core.signal import Signal
 from swath.core.units import rounded
 from swath.judge.catalogue import EvaluatorCatalogue
-from swath.judge.evaluator import HasEvents, HasSignals, Metric, SeesAll
+from swath.judge.evaluator import NEVER, HasEvents, HasSignals, Metric
+from swath.judge.waking import Waking
 from swath.judge.windows import FIELD
+from swath.kernels import Repeated
 from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, Where, untold, where_is
 from swath.runtime.world import Machine, World
 from swath.signals import MachineState
@@ -203,7 +205,7 @@ def _ranges_of(machine: Machine) -> Iterator[tuple[str, tuple[Checked, ...]]]:
             yield slot, found
 
 
-class Credibility(SeesAll):
+class Credibility:
     """Watches a run like an evaluator of the field that gives no metrics."""
 
     METRICS: tuple[Metric, ...] = ()
@@ -213,27 +215,24 @@ class Credibility(SeesAll):
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.rests_until = 0
-        self._next_m = dict.fromkeys(scene.ranges, 0.0)
-        self._next_t = dict.fromkeys(scene.ranges, 0)
+        self.next_m = dict.fromkeys(scene.ranges, 0.0)
+        self.next_t = dict.fromkeys(scene.ranges, 0)
         self._seen: dict[tuple[str, str], Seen] = {}
 
     @classmethod
-    def see_all(cls, parts: Sequence["Credibility"], slot: str, t: int, shown: Shown) -> None:
-        """Look where machines have moved on."""
-        machine, driven = slot.partition(".")[0], shown.numbers(MachineState, "distance")
-        if driven is None:
-            return
-        for k, (watch, way) in enumerate(zip(parts, driven, strict=True)):
-            if t >= watch._next_t.get(machine, t + 1):
-                watch._next_t[machine] = t + REST
-                if way >= watch._next_m[machine] and t > 0:
-                    watch._next_m[machine] = float(way) + EVERY_M
-                    watch._look(machine, shown.of(k).samples(MachineState)[0])
-                watch.rests_until = min(watch._next_t.values())
+    def looking(cls, parts: Sequence["Credibility"], slot: str, kinds: Sequence[type[Signal]]) -> "_Ways":
+        """What looks where a machine of these worlds is, compiled."""
+        return _Ways(parts, slot.partition(".")[0])
 
-    see = SeesAll.see_live
+    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look where a machine has moved on."""
+        for state in samples_of(outputs, MachineState):
+            ways = _Ways([self], slot.partition(".")[0])
+            ways.step(t, 0, {"state": state})
+            ways.look()
 
-    def _look(self, machine: str, state: MachineState) -> None:
+    def look_at(self, machine: str, state: MachineState) -> None:
+        """Take in what a machine meets now."""
         for slot, checked, values in self.scene.values(machine, state):
             seen = self._seen.get((slot, checked.quantity))
             if seen is None:
@@ -376,6 +375,34 @@ class Credibility(SeesAll):
             "source": checked.source,
             "witness": checked.witness,
         }
+
+
+class _Ways(Waking):
+    """How far a machine of these worlds has gone."""
+
+    def __init__(self, parts: Sequence[Credibility], machine: str) -> None:
+        super().__init__(parts)
+        self._machine = machine
+
+    def launches(self) -> Sequence[Repeated]:
+        """One launch."""
+        from swath.judge.look_kernel import watch_way
+
+        self._next_t = np.array([part.next_t.get(self._machine, NEVER) for part in self.parts])
+        self._next_m = np.array([part.next_m.get(self._machine, inf) for part in self.parts])
+        seen = self.clock, self.given["state"].arrays["distance"], REST, EVERY_M
+        return [self.launch(watch_way, self.needs, self.active, *seen, self._next_t, self._next_m, self.asks)]
+
+    def wake(self, world: int) -> None:
+        """Look at what it meets now."""
+        self.parts[world].look_at(self._machine, self.given["state"].view(world))
+
+    def look(self) -> None:
+        """Tell when to look next."""
+        for part, t, way in zip(self.parts, self._next_t.tolist(), self._next_m.tolist(), strict=True):
+            if self._machine in part.next_t:
+                part.next_t[self._machine], part.next_m[self._machine] = t, way
+                part.rests_until = min(part.next_t.values())
 
 
 def annotate(summary: dict[str, Any], watch: Credibility, catalogue: EvaluatorCatalogue) -> list[str]:

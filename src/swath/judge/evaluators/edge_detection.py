@@ -17,7 +17,7 @@ from swath.core.schedule import NS
 from swath.core.together import plain
 from swath.field.edges.present_edge import STEP_M, Holes, edges_of, whole_rows
 from swath.judge.edge_looks import COUNT, REPORTED, EdgeLooks, LooksOfAll, span_across
-from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, mean, rms
+from swath.judge.evaluator import NEVER, EvaluatorSetup, KeptRows, Later, Metric, is_among, mean, rms
 from swath.record.tracks import Column
 from swath.signals import F64, CropEdge, MachineState, Signal
 
@@ -186,8 +186,12 @@ class EdgeDetection(Later):
             self._states.take(states)
 
     @classmethod
-    def looking(cls, parts: Sequence["EdgeDetection"]) -> LooksOfAll:
-        """What looks for these in many worlds, compiled."""
+    def looking(
+        cls, parts: Sequence["EdgeDetection"], slot: str, kinds: Sequence[type[Signal]]
+    ) -> LooksOfAll | None:
+        """What looks at edges for these in many worlds, compiled."""
+        if not is_among((*kinds,), cls.live):
+            return None
         found = LooksOfAll(parts)
         for judge in parts:
             judge._together = ref(found)

@@ -5,12 +5,14 @@ from math import acos, cos, degrees, radians, sqrt
 
 import numpy as np
 
-from swath.core.blocks import number_of, samples_of
+from swath.core.blocks import Block, Seen
 from swath.core.number_text import num
 from swath.core.portable import product
 from swath.core.registry import Level
 from swath.core.schedule import NS
-from swath.judge.evaluator import EvaluatorSetup, Event, Metric
+from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
+from swath.judge.waking import Waking, times_of
+from swath.kernels import Repeated
 from swath.signals import MachineState, Signal
 
 TIPPED = radians(20.0)  # one side's wheels are a metre up, the header's end is in the ground
@@ -21,7 +23,7 @@ FASTEST = (
 NEAR = np.array([[1.5, 0.0], [-1.5, 0.0], [0.0, 1.5], [0.0, -1.5]])  # where the ground is looked up [m]
 
 
-class Rollover:
+class Rollover(Later):
     """Event `rollover`: the machine is tilted by more than 20 degrees, against the vertical and against the
     ground under it.
 
@@ -29,8 +31,8 @@ class Rollover:
     side would slide, dig in and break; no level says how, so that the run ends there, and fails.
     """
 
-    OF_FIELD = False
     SIGNALS = (MachineState,)
+    live = ()  # types that it has to be shown though it rests
     METRICS = (
         Metric("rollover_count", "", "times that the machine rolled over, which ends the run", "Safety",
                "lower", "rolled over", is_windowed=False),
@@ -43,18 +45,32 @@ class Rollover:
         self.rests_until = 0
         self._events: list[Event] = []
 
-    def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
-        """Look how the machine stands."""
-        now = number_of(outputs, MachineState, "t")
-        if now is None or now < self.rests_until or self._events:
-            return
-        upright = number_of(outputs, MachineState, "pose")[-1]
-        left = TIPPED - acos(min(max(upright, -1.0), 1.0))
-        self.rests_until = int(now) + PERIOD * max(1, int(left / FASTEST * NS / PERIOD))
-        if upright < cos(TIPPED):
-            state = samples_of(outputs, MachineState)[0]
-            if (tilt := self._tilt(state)) > TIPPED:
-                self._note(state, tilt)
+    @classmethod
+    def looking(cls, parts: Sequence["Rollover"], slot: str, kinds: Sequence[type[Signal]]) -> "_Tilts":
+        """What looks at every state for these in many worlds, compiled."""
+        return _Tilts(parts)
+
+    def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
+        """Look how the machine stands now."""
+        self.take(Seen.of_one(slot, t, outputs))
+
+    def take(self, seen: Seen) -> None:
+        """Look how the machine stood. What was seen once is seen no more."""
+        if (states := seen.of(MachineState)) is not None:
+            self.stand(states)
+
+    def stand(self, states: Block) -> None:
+        """The same for states."""
+        times, first = states["t"], 0
+        while not self._events and len(due := np.flatnonzero(times[first:] >= self.rests_until)):
+            k = first + int(due[0])
+            upright, first = float(states["pose"][k, -1]), k + 1
+            left = TIPPED - acos(min(max(upright, -1.0), 1.0))
+            self.rests_until = int(times[k]) + PERIOD * max(1, int(left / FASTEST * NS / PERIOD))
+            if upright < cos(TIPPED):
+                state = states.sample(k)
+                if (tilt := self._tilt(state)) > TIPPED:
+                    self._note(state, tilt)
 
     def metrics(self) -> dict[str, float]:
         """1 for a machine that rolled over, else 0."""
@@ -82,6 +98,25 @@ class Rollover:
         text = f"rolled over {where}: tilted by {num(degrees(tilt))} deg against the ground"
         begun = state.t, "rollover", self.setup.name, x, y, state.distance
         self._events.append(Event(*begun, text, end_t=state.t))
+
+
+class _Tilts(Waking):
+    """Machines that are tilted against the vertical: only they may have rolled over."""
+
+    def launches(self) -> Sequence[Repeated]:
+        """One launch."""
+        from swath.judge.look_kernel import watch_tilt
+
+        state, self._rests = self.given["state"], np.array([part.rests_until for part in self.parts])
+        seen = times_of(state), state.arrays["pose"], cos(TIPPED), self._rests
+        return [self.launch(watch_tilt, self.needs, self.active, *seen, self.asks)]
+
+    def wake(self, world: int) -> None:
+        """Look at all states that the evaluator was not given yet."""
+        part = self.parts[world]
+        if (states := self.blocks.waiting(world, MachineState, part.setup.name)) is not None:
+            part.stand(states)
+        self._rests[world] = part.rests_until
 
 
 LEVEL = Level(Rollover, None, summary="whether a machine rolls over, which ends the run")

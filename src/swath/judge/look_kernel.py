@@ -1,4 +1,4 @@
-"""What stands on lines across machines where edges are reported, in float64 without fused multiply-adds."""
+"""Looks of judges at samples, right after these are sent, in float64 without fused multiply-adds."""
 
 import warp as wp
 
@@ -124,4 +124,47 @@ def look_across(
         if n + 1 == rows.shape[1]:
             asks[w] = TAKE
     if asks[w] != 0:
+        needs[0] = 1
+
+
+@wp.kernel
+def watch_way(
+    needs: wp.array(dtype=wp.int32),
+    active: wp.array(dtype=wp.bool),
+    clock: wp.array(dtype=wp.int64),
+    distance: wp.array(dtype=wp.float64),
+    rest: wp.int64,
+    every: wp.float64,
+    next_t: wp.array(dtype=wp.int64),
+    next_way: wp.array(dtype=wp.float64),
+    asks: wp.array(dtype=wp.int32),
+):
+    """Ask where a machine has gone on by a way `every` [m]; seen every `rest` [ns]."""
+    w = wp.tid()
+    asks[w] = 0
+    t = clock[1]
+    if not active[w] or t < next_t[w]:
+        return
+    next_t[w] = t + rest
+    if distance[w] >= next_way[w] and t > wp.int64(0):
+        next_way[w] = distance[w] + every
+        asks[w] = 1
+        needs[0] = 1
+
+
+@wp.kernel
+def watch_tilt(
+    needs: wp.array(dtype=wp.int32),
+    active: wp.array(dtype=wp.bool),
+    t: wp.array(dtype=wp.int64),
+    pose: wp.array2d(dtype=wp.float64),
+    least: wp.float64,
+    rests: wp.array(dtype=wp.int64),
+    asks: wp.array(dtype=wp.int32),
+):
+    """Ask where a machine is tilted: its vertical axis has a z below `least`; not before `rests` [ns]."""
+    w = wp.tid()
+    asks[w] = 0
+    if active[w] and t[w % t.shape[0]] >= rests[w] and pose[w, 11] < least:
+        asks[w] = 1
         needs[0] = 1
