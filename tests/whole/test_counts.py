@@ -20,7 +20,7 @@ from benchmarks.counts import (
     in_a_process,
 )
 
-BOUNDS = {BYTECODES: 683_000, CALLS: 21_800, WALKS: 170, STEPS: 25, SUPPLIES: 93}
+BOUNDS = {BYTECODES: 666_500, CALLS: 21_050, WALKS: 170, STEPS: 25, SUPPLIES: 93}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
 STARTS = {  # command line -> bytecodes, modules
     "--help": (85_300, 100), "run --help": (63_900, 30), "walk": (15_350, 27), "": (6_100, 27),

@@ -115,6 +115,11 @@ class Block:
         trail, world, k = self.trail, self.world, k % self._count
         return trail.row.made(trail.memory[k, world : world + 1], [int(trail.stamps[k])])[0]
 
+    @cached_property
+    def newest(self) -> Any:
+        """The newest of them, made once for all who keep it."""
+        return self.sample(-1)
+
     def before(self, orders: Ints) -> Ints:
         """The newest of these when others were sent, -1 where there was none."""
         return np.searchsorted(self.orders, orders, side="right") - 1
@@ -131,8 +136,8 @@ class Block:
             return held
         if name == "t":
             return trail.stamps[:count]
-        value = field_of(trail.row, name)
-        return np.broadcast_to(np.asarray(value), (count, *np.shape(value)))
+        value = np.asarray(field_of(trail.row, name))
+        return np.full((count, *value.shape), value)
 
 
 class _Joined(Block):
@@ -187,10 +192,6 @@ class Seen:
     def machines(self, kind: type[Signal]) -> list[str]:
         """Machines whose samples of a type are among them."""
         return list(dict.fromkeys(b.slot.partition(".")[0] for b in self.blocks if issubclass(b.kind, kind)))
-
-    def kinds(self) -> Sequence[tuple[str, type[Signal]]]:
-        """Machines and the types of what they sent."""
-        return list(dict.fromkeys((b.slot.partition(".")[0], b.kind) for b in self.blocks))
 
     def of_machine(self, machine: str) -> "Seen":
         """The same for one machine, "" = for all."""

@@ -70,6 +70,7 @@ class Evaluation:
         self.look: Callable[[], None] = no_look
         self._shown: dict[tuple[object, ...], list[Looker]] = {}
         self._takers: dict[tuple[str, type[Signal]], list[Any]] = {}
+        self._given: dict[tuple[object, ...], list[tuple[Any, str]]] = {}  # who takes what, of which machine
         self._left_out: set[int] = set()  # evaluators that nobody asks
         self.expect = (*expect, *self._implied(expect))
         self._windows = self._make_windows()
@@ -117,6 +118,7 @@ class Evaluation:
             self._left_out = {id(e) for e in every if not any(m.name in names for m in e.METRICS)}
             self._shown.clear()
             self._takers.clear()
+            self._given.clear()
 
     def takes(self, slot: str, kind: type[Signal]) -> bool:
         """Whether an evaluator takes samples of a type from a slot."""
@@ -129,11 +131,12 @@ class Evaluation:
         return self._takers[machine, kind]
 
     def _give(self, seen: Seen) -> None:
-        found: dict[int, tuple[Any, str]] = {}
-        for machine, kind in seen.kinds():
-            takers = self._takers_of(machine, kind)
-            found |= {id(e): (e, "" if e.OF_FIELD else machine) for e in takers}
-        for evaluator, machine in found.values():
+        sent = (*[(block.slot, block.kind) for block in seen.blocks],)
+        if (takers := self._given.get(sent)) is None:
+            every = ((slot.partition(".")[0], kind) for slot, kind in sent)
+            found = {id(e): (e, "" if e.OF_FIELD else m) for m, k in every for e in self._takers_of(m, k)}
+            takers = self._given[sent] = [*found.values()]
+        for evaluator, machine in takers:
             evaluator.take(seen.of_machine(machine))
 
     @property

@@ -14,7 +14,8 @@ import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import InitVar, dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
+from operator import add
 from typing import Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -393,7 +394,7 @@ def is_among(kinds: tuple[type[Signal], ...], wanted: tuple[type[Signal], ...]) 
 
 def added_up(begin: float, values: F64) -> float:
     """Sum of `begin` and the values, added one after the other in their order."""
-    return float(np.add.accumulate(np.concatenate([[begin], values]))[-1])
+    return float(reduce(add, values.tolist(), begin))
 
 
 def held(block: Block | None, name: str, orders: Any, before: float) -> F64:

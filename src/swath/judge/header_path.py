@@ -23,15 +23,16 @@ class HeaderPath:
 
     def take(self, states: Block) -> None:
         """Note where the machine was."""
-        found = []
+        found, after = [], self._next
         for k, way in enumerate(states["distance"].tolist()):
-            if way >= self._next:
+            if way >= after:
                 found.append(k)
-                self._next = way + PATH_M
+                after = way + PATH_M
         if found:
+            self._next, rows = after, np.empty((len(found), 4))
             p, (a, b, _) = states["pose"][found].T, self._end
-            x, y = p[3] * a + p[4] * b + p[0], p[6] * a + p[7] * b + p[1]
-            rows = np.stack([states["t"][found] * 1e-9, states["distance"][found], x, y], axis=1)
+            rows[:, 0], rows[:, 1] = states["t"][found] * 1e-9, states["distance"][found]
+            rows[:, 2], rows[:, 3] = p[3] * a + p[4] * b + p[0], p[6] * a + p[7] * b + p[1]
             self._rows.add(rows)
 
     def arrays(self, most: int | None = None) -> tuple[F64, F64, F64, F64]:

@@ -259,7 +259,7 @@ class Tracks(Mapping[str, np.ndarray]):
             key = self._key(block)
             self._is_begun |= key is MachineState
             if self._live:
-                self._latest[key] = block.sample(-1)
+                self._latest[key] = block.newest
             if key in self._sources:
                 which, before = block.before(ends), newest.get(key, -1)
                 orders = np.where(which < 0, -1, block.orders[which])

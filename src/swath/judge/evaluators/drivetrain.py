@@ -57,7 +57,7 @@ class Drivetrain(Later):
         states, loads, engines = seen.of(MachineState), seen.of(MachineLoad), seen.of(EngineState)
         if loads is not None:
             self._first = self._first or loads.sample(0)
-            self._last = loads.sample(-1)
+            self._last = loads.newest
             is_settled = held(states, "distance", loads.orders, self._distance) >= self._settling
             for k in np.flatnonzero(is_settled & (loads["drum_flow"] > 0.0)).tolist():
                 self._see_load(loads, k)

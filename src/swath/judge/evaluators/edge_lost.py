@@ -1,12 +1,13 @@
 """When a machine steers itself and its edge detection reports no edge."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from math import fsum
 
 import numpy as np
 
-from swath.core.blocks import Seen
+from swath.core.blocks import Block, Seen
 from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.core.schedule import NS
@@ -54,13 +55,13 @@ class EdgeLost(Later):
             for k, found in enumerate(is_found.tolist()):
                 if found and self._was_found and self._begin is None:
                     continue
-                state = self._state if states is None or at[k] < 0 else states.sample(at[k])
-                if state is not None:
-                    self._see_edge(int(edges["t"][k]), state, found, bool(steers[k]))
+                if at[k] >= 0 or self._state is not None:
+                    where = partial(self._at, states, at[k])
+                    self._see_edge(int(edges["t"][k]), where, found, bool(steers[k]))
         if commands is not None:
             self._is_steering = bool(commands["is_engaged"][-1])
         if states is not None:
-            self._state = states.sample(-1)
+            self._state = states.newest
 
     def metrics(self) -> dict[str, float]:
         """Metrics of all losses of the edge; none of a machine without an edge detection."""
@@ -93,17 +94,25 @@ class EdgeLost(Later):
             self._events[-1] = replace(last, text=text)
         return self._events
 
-    def _see_edge(self, t: int, state: MachineState, is_found: bool, is_steering: bool) -> None:
+    def _at(self, states: Block | None, k: int) -> MachineState:
+        """The kth of some states; before the first the newest before these."""
+        found: MachineState | None = self._state if states is None or k < 0 else states.sample(k)
+        assert found is not None
+        return found
+
+    def _see_edge(self, t: int, ask: Callable[[], MachineState], is_found: bool, is_steering: bool) -> None:
+        """An edge, or none. ask: gives where the machine was."""
         self._has_edges = True
         if is_found:
             self._was_found = True
             if self._is_listed:
                 last = self._events[-1]
                 text = f"no edge for {num((t - last.t) / NS, places=1)} s"
-                self._events[-1] = replace(last, text=text, end_t=t, end_distance=state.distance)
+                self._events[-1] = replace(last, text=text, end_t=t, end_distance=ask().distance)
             self._begin, self._is_listed = None, False
         elif self._begin is None:
             if is_steering:
+                state = ask()
                 x, y, _ = (float(v) for v in state.pose.apply(self._end))
                 self._begin = Event(
                     t, "edge_lost", self.setup.name, x, y, state.distance, "no edge since", end_t=None

@@ -47,12 +47,12 @@ class GrainQuality(Later):
         """Note loads and blockages."""
         states, loads, organs = seen.of(MachineState), seen.of(MachineLoad), seen.of(OrganLoads)
         if states is not None:
-            self._state = states.sample(-1)
+            self._state = states.newest
         if loads is not None:
-            self._load = loads.sample(-1)
+            self._load = loads.newest
             self._weigh(loads)
         if organs is not None:
-            self._organs = organs.sample(-1)
+            self._organs = organs.newest
             for t, share in zip(organs["t"].tolist(), (organs["blockage"] >= 1.0).tolist(), strict=True):
                 if share and not self._is_blocked:
                     self._note(t)

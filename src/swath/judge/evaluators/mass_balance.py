@@ -45,13 +45,13 @@ class MassBalance(Later):
         for name in seen.machines(MachineLoad):
             loads = seen.of(MachineLoad, name)
             assert loads is not None
-            self._loads[name] = loads.sample(-1)
+            self._loads[name] = loads.newest
             if seen.of(CropFlow, name) is None:
                 self._in_transit[name] = [0.0, 0.0]
         for name in seen.machines(UnloadState):
             unloads = seen.of(UnloadState, name)
             assert unloads is not None
-            self._unloads[name] = unloads.sample(-1)
+            self._unloads[name] = unloads.newest
 
     def metrics(self) -> dict[str, float]:
         """The error as it stands now."""

@@ -50,12 +50,12 @@ class Overfilled(Later):
             if (block := seen.of(kind)) is not None:
                 self._look(block, states)
         if states is not None:
-            self._state = states.sample(-1)
+            self._state = states.newest
 
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Note what does not stay."""
         waiting = outputs.waiting(MachineState, self.setup.name) if isinstance(outputs, Shown) else None
-        self._state = self._state if waiting is None else waiting.sample(-1)
+        self._state = self._state if waiting is None else waiting.newest
         for block in Seen.of_one(slot, t, outputs).blocks:
             self._look(block, None)
 

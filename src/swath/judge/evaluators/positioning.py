@@ -67,7 +67,7 @@ class Positioning(Later):
             self._led += int(np.count_nonzero(guided["is_following"]))
             self._state_count += len(guided)
         if states is not None:
-            self._state = states.sample(-1)
+            self._state = states.newest
 
     def metrics(self) -> dict[str, float]:
         """Metrics of the sensors that the machine has."""
