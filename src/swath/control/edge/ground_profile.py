@@ -18,6 +18,7 @@ import numpy as np
 
 from swath.control.edge.canopy_classes import FAR
 from swath.control.edge.profile import Clears
+from swath.core.component import State
 from swath.core.portable import exp, log, power
 from swath.signals import F64
 
@@ -69,6 +70,12 @@ class GroundProfile(Clears):
         self._worth = np.zeros(len(SCALES))  # logarithms
         self._travel = 2.0 * CELL - SETTLES
         self._begin_cell()
+        self._weigh()
+
+    def load(self, state: State) -> None:
+        """Take on a state that `save` gave."""
+        super().load(state)
+        self._weigh()
 
     def _rings(self) -> tuple[slice, slice]:
         middle = FIRST + self._cells
@@ -96,6 +103,7 @@ class GroundProfile(Clears):
         self._begin_cell()
         self._advance()
         self._learn(*means)
+        self._weigh()
         return True
 
     def _learn(self, seen: F64 | None, felt: F64 | None) -> None:
@@ -166,22 +174,13 @@ class GroundProfile(Clears):
         self._worth -= 0.5 * (away**2 / variance + log(variance))
         self._worth -= self._worth.max()
 
-    @property
-    def _chance(self) -> F64:
-        """Of every scale."""
-        chance = exp(self._worth)
-        return np.asarray(chance / chance.sum())
-
-    @property
-    def stubble(self) -> float:
-        """Mean over all scales [m]."""
-        return float((self._chance * self._mean[:, STUBBLE]).sum())
-
-    @property
-    def stubble_sd(self) -> float:
-        """Standard deviation over all scales [m]."""
-        away = self._mean[:, STUBBLE] - self.stubble
-        return sqrt((self._chance * (away**2 + self._covariance[:, STUBBLE, STUBBLE])).sum())
+    def _weigh(self) -> None:
+        """What the scales say of the stubble, each by its chance."""
+        chance, mean = exp(self._worth), self._mean[:, STUBBLE]
+        self._chance = chance / chance.sum()
+        self.stubble = float((self._chance * mean).sum())
+        variance = (mean - self.stubble) ** 2 + self._covariance[:, STUBBLE, STUBBLE]
+        self.stubble_sd = sqrt((self._chance * variance).sum())
 
     def grade(self, begin: float, end: float) -> float:
         """Slope of the ground between two places ahead [m], over the plane of the wheels [1]."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 from struct import Struct
-from typing import Annotated, cast
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -239,8 +239,7 @@ class LikelihoodRatio(KeepsState):
             told = self._outward(float(feet["low"])) if feet["is_found"] else None
             reports.told[0] = (told is not None, *(told or (0.0, 0.0)))
             reports.launch(EDGE)
-        reports.edges.stamp[0] = now
-        return cast(CropEdge, reports.edges.of(0))
+        return CropEdge(now, *reports.edges.memory.item(0))
 
 
 DRAWN = "benchmarks/edge_pairs.py"  # cases at random, against the true edge

@@ -94,7 +94,7 @@ if (stage & FEET && f.is_found > 0.0) {
   f.ramp_chance = ramp.chance, f.ramp = ramp.place, f.ramp_sd = ramp.sd;
   f.rows = row_at(upright.place).chance;  // of plants, which stand out by themselves
   f.dense = larger(b.stopped, f.rows);    // where its plants are
-  f.low = lean_of(crop, f.dense);
+  if (stage == FEET) f.low = lean_of(crop, f.dense);
 }
 
 if (stage & EDGE) {

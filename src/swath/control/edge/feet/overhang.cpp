@@ -75,11 +75,11 @@ auto lean_of = [&](D crop, D stopped) {  // of the stems off the vertical [rad],
   if (!(sum(chance, STANDING) < 0.5)) return 0.0;
   return ::acos(smaller(larger(crop, 0.0) / (d.upright * seen(0, stopped)), 1.0));
 };
-auto by_cut = [&](D hang) {  // likelihood of the feet so far behind the canopy's edge [m]; 1 where nothing was cut
-  if (!(s.cut_way > 0.0)) return 1.0;
-  const D sd = length(d.cut_sd, UNEVEN / __builtin_sqrt(larger(s.cut_way, 1.0)));
-  const D more = s.cut_missing / s.cut_way - larger(s.cut_beside / s.cut_way + hang, 0.0), away = more / sd;
-  const D own = ::exp(-0.5 * (away * away)) / (__builtin_sqrt(2.0 * PI) * sd);
+D missing = 0.0, beside = 0.0, cut_sd = 0.0;  // means of the last way, deviation of the width [m]; 0 = nothing was cut
+auto by_cut = [&](D hang) {  // likelihood of the feet so far behind the canopy's edge [m]
+  if (!(cut_sd > 0.0)) return 1.0;
+  const D more = missing - larger(beside + hang, 0.0), away = more / cut_sd;
+  const D own = ::exp(-0.5 * (away * away)) / (__builtin_sqrt(2.0 * PI) * cut_sd);
   const D holes = MISSED / HOLES_M * (more > 0.0 && more < HOLES_M ? 1.0 : 0.0);
   const D tracks = TRAMLINES / (TRACKS_M[1] - TRACKS_M[0]) * (more > TRACKS_M[0] && more < TRACKS_M[1] ? 1.0 : 0.0);
   return (1.0 - MISSED - TRAMLINES) * own + holes + tracks + 1e-9;
@@ -137,9 +137,13 @@ auto fill = [&](D crop, D crop_sd, D stopped, Mode ramp) {  // crop: over the gr
   for (int k = 0; k < LEANS * DIRECTIONS; ++k) each[k] = chance[k / DIRECTIONS] * d.no_ramp[k];
   const D tops = smaller(crop, d.upright * (1.0 + d.height_sd));  // higher: it is no crop of that height
   rest /= sum(each, LEANS * DIRECTIONS);
+  if (s.cut_way > 0.0) {
+    missing = s.cut_missing / s.cut_way, beside = s.cut_beside / s.cut_way;
+    cut_sd = length(d.cut_sd, UNEVEN / __builtin_sqrt(larger(s.cut_way, 1.0)));
+  }
   for (int k = 0; k < LEANS * DIRECTIONS; ++k) {
     const D hang = tops * d.hang[k];
-    put(hang, rest * each[k] * by_cut(hang));
+    if (each[k] > 0.0) put(hang, rest * each[k] * by_cut(hang));
   }
   put_normal(ramp, true);
 };
