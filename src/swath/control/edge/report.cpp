@@ -7,20 +7,21 @@
 // In: points of the edge. In and out: a row of report_rows.py, sums of what was cut and feet in it; the line. Out: edge, a row of
 // `CropEdge`.
 
-constexpr D RAGGED = 2.8, EVEN = 0.03;  // of the scatter beyond that of an even edge, of its height: bites, swing
-constexpr D BENT = 0.4;                 // m per bend of 1/m: rays that cross the edge show it less well
-constexpr D SLIPPED = 0.12;             // m per rad that the edge turns away from the crop: 1.3 % of wheel slip, not known
-constexpr D HIDDEN = 0.4;               // of what the wall lies to and fro along the edge: bites behind what stands out
-constexpr D BITES = 0.8;                // of the depth of bites: the edge lies 0.76 of it further in than the line, at most
-constexpr D ROWS = 0.125;               // of their spacing: scatter of single plants in rows, which are no bites
-constexpr D HELD = 0.167;               // m, least deviation of an edge that is held, not seen
-constexpr D BETWEEN = 0.7;              // m to the nearest block from which on an edge is held
-constexpr D OVER_M = 1.0;               // m of travel over which the header tells its width
-constexpr D LEAST_COS = 0.2;            // of the edge's angle to the machine
-constexpr D CLEAR = 0.05, DUSTY = 0.12;      // shares of rays that dust takes: it hides nothing, all
-constexpr D SMOOTH_M = 0.05, UNEVEN_M = 0.09;  // m of spread of the blocks: on an uneven edge the usual overhang counts
-constexpr D FLANKS = 0.15;  // of their spacing: by how much rows seen from the side seem nearer; a third of it from above
-constexpr D FEET_SD = 0.25; // standard deviation of the overhang of an upright canopy, of itself
+// Bites and swing: of the scatter beyond that of an even edge, which is so much of the crop's height. Of what the wall lies to and
+// fro along the edge: bites behind what stands out. Of the depth of bites: the edge lies 0.76 of it further in than the line, at
+// most. Of the spacing of rows: scatter of single plants, which are no bites.
+constexpr D RAGGED = 2.8, EVEN = 0.03, HIDDEN = 0.4, BITES = 0.8, ROWS = 0.125;
+// m per bend of 1/m: rays that cross the edge show it less well. m per rad that the edge turns away from the crop: 1.3 % of wheel
+// slip, not known.
+constexpr D BENT = 0.4, SLIPPED = 0.12;
+// m: least deviation of an edge that is held, not seen; from so far to the nearest block on it is held; travel over which the header
+// tells its width. Least cosine of the edge's angle to the machine.
+constexpr D HELD = 0.167, BETWEEN = 0.7, OVER_M = 1.0, LEAST_COS = 0.2;
+// shares of rays that dust takes: it hides nothing, all; m of spread of the blocks: on an uneven edge the usual overhang counts
+constexpr D CLEAR = 0.05, DUSTY = 0.12, SMOOTH_M = 0.05, UNEVEN_M = 0.09;
+// of the spacing of rows: by how much they seem nearer where they are seen from the side; a third of it from above. Standard
+// deviation of the overhang of an upright canopy, of itself.
+constexpr D FLANKS = 0.15, FEET_SD = 0.25;
 
 struct Edge {
   D offset, heading, curvature, reference_x, confidence, crop_height, stubble_height, offset_sd, heading_sd, seen_to;
@@ -30,9 +31,8 @@ struct Edge {
 Edge& reported = *(Edge*)edge.data;
 auto& line = lines.data[world];
 const int count = (int)b.points;
-auto variance = [&](int i) { return points.data[i][2]; };
 auto distance = [&](int i) { return points.data[i][3]; };
-auto is_seen = [&](int i) { return variance(i) < VAGUE * VAGUE; };
+auto is_seen = [&](int i) { return points.data[i][2] < VAGUE * VAGUE; };
 auto shows = [&](D place, D early) {  // a standing edge was seen near a place along it, and no hole may lie there
   bool found = false;
   for (int i = 0; i < count; ++i) found |= __builtin_fabs(distance(i) - place) <= BETWEEN && is_seen(i);
@@ -51,12 +51,9 @@ if (stage & FEET && f.is_found > 0.0) {
   if (!(b.bite == 0.0 && goes_on)) {  // as the track has it
     const auto& ask = asks.data[world];
     const D more = d.reference - ask.front_x, way = more / larger(::cos(ask.front_angle), LEAST_COS);
-    line.x = d.reference;
-    line.u = ask.front_u + more * ::tan(ask.front_angle) + 0.5 * b.bend * square(way);
-    line.angle = ask.front_angle + b.bend * way;
-    line.bend = b.bend;
-    line.offset_sd = larger(line.offset_sd, BITES * b.bite);
-    line.angle_sd = larger(line.angle_sd, b.turn_sd);
+    const D u = ask.front_u + more * ::tan(ask.front_angle) + 0.5 * b.bend * square(way);
+    line = {d.reference, u, ask.front_angle + b.bend * way, b.bend, larger(line.offset_sd, BITES * b.bite),
+            larger(line.angle_sd, b.turn_sd), line.gap, line.spread, line.seen_to};
   }
   // all that was seen of the edge may lie ahead of the reported place: what is ahead will be reached
   f.is_found = !(line.gap > d.hold && !(line.seen_to > distance(count - 1) - distance(0)));
@@ -90,11 +87,9 @@ if (stage & FEET && f.is_found > 0.0) {
     upright = mixed(row.chance, row, upright);
     ramp = {(1.0 - row.chance) * b.lean, clean * b.foot - upright.place, FEET_SD * __builtin_fabs(b.foot)};
   }
-  f.shift = upright.place, f.shift_sd = upright.sd;
-  f.ramp_chance = ramp.chance, f.ramp = ramp.place, f.ramp_sd = ramp.sd;
-  f.rows = row_at(upright.place).chance;  // of plants, which stand out by themselves
-  f.dense = larger(b.stopped, f.rows);    // where its plants are
-  if (stage == FEET) f.low = lean_of(crop, f.dense);
+  const D rows = row_at(upright.place).chance, dense = larger(b.stopped, rows);  // of plants, which stand out by themselves; of all
+  const D low = stage == FEET ? lean_of(crop, dense) : 0.0;
+  f = {f.is_found, f.fresh, upright.place, upright.sd, ramp.chance, ramp.place, ramp.sd, rows, dense, low, f.hang_sd};
 }
 
 if (stage & EDGE) {
@@ -111,9 +106,8 @@ if (stage & EDGE) {
     }
     fill(crop, b.plane_sd, f.dense, {f.ramp_chance, f.ramp, f.ramp_sd});
     const D all = sum(hangs, PLACES);
-    int inside = 0;
-    for (int k = 0; k < PLACES; ++k) hangs[k] /= all;
-    while (!(place_of(inside) > TOLERANCE)) ++inside;
+    int inside = 0;  // places
+    for (int k = 0; k < PLACES; ++k) hangs[k] /= all, inside += !(place_of(k) > TOLERANCE);
     Mode out = mode_of(inside, PLACES - inside), in = mode_of(0, inside);  // leaning out by more than that, and not
     const bool stands = out.chance < in.chance || (out.chance == in.chance && out.place < in.place);
     const Mode &other = stands ? out : in, &likely = stands ? in : out;
@@ -137,22 +131,12 @@ if (stage & EDGE) {
     sure = sure * smaller(1.0, b.agreed / 0.8);
     // the wall behind a hole is seen from over it: rays on their way down from the canopy's top to the lower limit are stopped
     // by it; a block lies in the middle of that way
-    if (is_smooth || !__builtin_isfinite(crop) || !shows(along(), d.early * crop + 0.5 * BLOCK_M)) {
-      sure = smaller(sure, UNSURE);
-      sd = larger(sd, HELD);
-    }
+    if (is_smooth || !__builtin_isfinite(crop) || !shows(along(), d.early * crop + 0.5 * BLOCK_M))
+      sure = smaller(sure, UNSURE), sd = larger(sd, HELD);
     sure = smaller(larger(sure, LEAST_SURE), 1.0);
-    reported.offset = d.sign * (place + (f.shift + likely.place) / steep);
-    reported.heading = d.sign * line.angle;
-    reported.curvature = d.sign * line.bend;
-    reported.confidence = f.fresh >= 1.0 ? sure : larger(f.fresh * sure, LEAST_SURE);
-    reported.crop_height = crop;
-    reported.stubble_height = b.stubble + b.plane;
-    reported.offset_sd = sd;
-    reported.heading_sd = line.angle_sd;
-    reported.seen_to = d.reference + (line.seen_to + 0.5 * BLOCK_M) * steep;
-    reported.is_held = line.gap > 1.0;
-    if (other.chance > 0.0) reported.other_offset = d.sign * (place + (f.shift + other.place) / steep);
-    reported.other_chance = other.chance;
+    auto aside = [&](const Mode& m) { return d.sign * (place + (f.shift + m.place) / steep); };
+    const D fresh = f.fresh >= 1.0 ? sure : larger(f.fresh * sure, LEAST_SURE), ends = line.seen_to + 0.5 * BLOCK_M;
+    reported = {aside(likely), d.sign * line.angle, d.sign * line.bend, d.reference, fresh, crop, b.stubble + b.plane, sd,
+                line.angle_sd, d.reference + ends * steep, line.gap > 1.0, other.chance > 0.0 ? aside(other) : none, other.chance};
   }
 }

@@ -24,14 +24,15 @@ constexpr D DENSE[3] = {0.965, 0.03, 1.0}, THIN[3] = {0.77, 0.06, 0.75};
 // chances that the header misses crop elsewhere, too, estimated: holes, evenly up to so much [m], and the two wheel tracks of a
 // tramline, tyres of 0.3 to 0.65 m; passes with one where lines lie 24 to 36 m apart
 constexpr D MISSED = 0.1, HOLES_M = 2.0, TRAMLINES = 0.3, TRACKS_M[2] = {0.6, 1.3};
-constexpr D UNEVEN = 0.05;  // m, standard deviation of the width over a metre of a ragged edge, estimated
-constexpr D CUT_M = 10.0;   // m of travel over which what the header cuts says how the stand leans, estimated
-constexpr D RAMPS = 0.98;   // chance at most that what seems a ramp is one, estimated
-constexpr D PLACE = 0.025, FIRST = -20.0, NEVER = 1e-6;  // m between places that a hang may have, of them; chance that is none
-constexpr int PLACES = 100, STANDING = 6;                // places; leans that are those of a stand that stands, < 15 deg
-constexpr D EDGE_OF_TOPS = 0.95, EDGE_OF_THIN = 0.7;     // of the overhang of the tops: where a dense, a thin wall is seen
-constexpr D MODEL = 0.1;                                 // standard deviation of the tangent of a lean that brightness shows
-constexpr D PI = 3.141592653589793;
+// m: standard deviation of the width over a metre of a ragged edge; travel over which what the header cuts says how the stand leans;
+// chance at most that what seems a ramp is one; all estimated
+constexpr D UNEVEN = 0.05, CUT_M = 10.0, RAMPS = 0.98;
+// of the overhang of the tops: where a dense, a thin wall is seen; standard deviation of the tangent of a lean that brightness shows
+constexpr D EDGE_OF_TOPS = 0.95, EDGE_OF_THIN = 0.7, MODEL = 0.1;
+// m between places that a hang may have, the first of them in such steps; chance that is none; how many places; leans, of those of
+// overhang.py, that are those of a stand that stands, < 15 deg
+constexpr D PLACE = 0.025, FIRST = -20.0, NEVER = 1e-6, PI = 3.141592653589793;
+constexpr int PLACES = 100, STANDING = 6;
 
 volatile D two = 2.0;  // `x ** 2` of Python is the C library's `pow`, whose last bit is not always that of a product
 auto larger = [](D a, D b) { return b > a ? b : a; };   // as `max` of Python
@@ -45,13 +46,15 @@ auto length = [&](D a, D b, D c = 0.0, D e = 0.0) {
 auto some = [](const D* v, int n) {  // in numpy's order
   D r[8] = {};
   int i = 0;
-  if (n >= 8)
-    for (; i < n - n % 8; ++i) r[i % 8] = i < 8 ? v[i] : r[i % 8] + v[i];
+  for (; i < n - n % 8; ++i) r[i % 8] = i < 8 ? v[i] : r[i % 8] + v[i];
   D all = ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]));
   for (; i < n; ++i) all += v[i];
   return all;
 };
-auto sum = [&](const D* v, int n) { return n > 128 ? some(v, n / 2 / 8 * 8) + some(v + n / 2 / 8 * 8, n - n / 2 / 8 * 8) : some(v, n); };
+auto sum = [&](const D* v, int n) {
+  const int half = n / 16 * 8;
+  return n > 128 ? some(v, half) + some(v + half, n - half) : some(v, n);
+};
 auto density = [&](D stopped) {  // how dense a stand is that stops a share of the rays, 0 = thin .. 1
   return within(0.0, (stopped - THIN[2]) / (DENSE[2] - THIN[2]), 1.0);
 };
@@ -94,10 +97,10 @@ auto put = [&](D hang, D chance) {
   const D k = __builtin_rint((hang - place_of(0)) / PLACE);
   hangs[k > 0.0 ? (int)(k < PLACES - 1.0 ? k : PLACES - 1.0) : 0] += chance;
 };
-auto put_normal = [&](const Mode& m, bool is_cut) {
+auto put_normal = [&](const Mode& m) {
   for (int i = 0; i < NORMALS; ++i) {
-    const D hang = m.place + m.sd * d.deviation[i], chance = m.chance * d.normal[i];
-    put(hang, is_cut ? chance * by_cut(hang) : chance);
+    const D hang = m.place + m.sd * d.deviation[i];
+    put(hang, m.chance * d.normal[i] * by_cut(hang));
   }
 };
 auto mode_of = [&](int first, int count) {  // at the median of these places
@@ -119,31 +122,29 @@ auto mode_of = [&](int first, int count) {  // at the median of these places
 };
 auto fill = [&](D crop, D crop_sd, D stopped, Mode ramp) {  // crop: over the ground, and its deviation [m]; ramp: leaning inward
   if (o.is_told > 0.0) {  // by scanners on several sides
-    const D share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN));
+    const D share = crop * (EDGE_OF_THIN + density(stopped) * (EDGE_OF_TOPS - EDGE_OF_THIN)), rest = 1.0 - ramp.chance;
     const bool stands = f.low == 0.0 && o.lean < 2.0 * o.sd;
-    const Mode out{1.0 - ramp.chance, share * o.lean, share * length(o.sd, MODEL)};
-    put_normal(stands ? Mode{out.chance, 0.0, 0.0} : ramp, false);
-    put_normal(stands ? ramp : out, false);
+    put_normal(stands ? Mode{rest, 0.0, 0.0} : ramp);
+    put_normal(stands ? ramp : Mode{rest, share * o.lean, share * length(o.sd, MODEL)});
     return;
   }
   ramp.chance = smaller(ramp.chance, RAMPS);
-  D rest = 1.0 - ramp.chance, chance[LEANS], each[LEANS * DIRECTIONS];
-  if (__builtin_isnan(crop) || !(d.upright > 0.0)) {  // any height up to that, leaning or not
-    put_normal({rest, 0.0, d.upright / 3.0}, false);
-    put_normal(ramp, false);
-    return;
+  D rest = 1.0 - ramp.chance, all = 0.0, chance[LEANS], each[LEANS * DIRECTIONS];
+  if (d.upright > 0.0) {
+    by_height(crop, crop_sd, stopped, chance);
+    for (int k = 0; k < LEANS * DIRECTIONS; ++k) each[k] = chance[k / DIRECTIONS] * d.no_ramp[k];
+    all = sum(each, LEANS * DIRECTIONS);
   }
-  by_height(crop, crop_sd, stopped, chance);
-  for (int k = 0; k < LEANS * DIRECTIONS; ++k) each[k] = chance[k / DIRECTIONS] * d.no_ramp[k];
-  const D tops = smaller(crop, d.upright * (1.0 + d.height_sd));  // higher: it is no crop of that height
-  rest /= sum(each, LEANS * DIRECTIONS);
-  if (s.cut_way > 0.0) {
-    missing = s.cut_missing / s.cut_way, beside = s.cut_beside / s.cut_way;
-    cut_sd = length(d.cut_sd, UNEVEN / __builtin_sqrt(larger(s.cut_way, 1.0)));
+  if (!(all > 0.0)) put_normal({rest, 0.0, d.upright / 3.0});  // any height up to that, leaning or not
+  else {
+    const D tops = smaller(crop, d.upright * (1.0 + d.height_sd));  // higher: it is no crop of that height
+    if (s.cut_way > 0.0) {
+      missing = s.cut_missing / s.cut_way, beside = s.cut_beside / s.cut_way;
+      cut_sd = length(d.cut_sd, UNEVEN / __builtin_sqrt(larger(s.cut_way, 1.0)));
+    }
+    rest /= all;
+    for (int k = 0; k < LEANS * DIRECTIONS; ++k)
+      if (each[k] > 0.0) put(tops * d.hang[k], rest * each[k] * by_cut(tops * d.hang[k]));
   }
-  for (int k = 0; k < LEANS * DIRECTIONS; ++k) {
-    const D hang = tops * d.hang[k];
-    if (each[k] > 0.0) put(hang, rest * each[k] * by_cut(hang));
-  }
-  put_normal(ramp, true);
+  put_normal(ramp);
 };
