@@ -132,9 +132,12 @@ def of_a_second(
 def of_start(words: Sequence[str]) -> dict[str, float]:
     """What a command line takes from the import on.
 
-    What depends on the machine does not count: installed packages, old folders, and the question whether a
-    module is gymnasium's, which is asked for each that the interpreter has not imported before.
+    What depends on the machine does not count: installed packages, old folders, variables of the environment
+    (from here on there are none), and the question whether a module is gymnasium's, which is asked for each
+    that the interpreter has not imported before.
     """
+    os.environ.clear()
+    os.environ["COLUMNS"] = "80"
     with tempfile.TemporaryDirectory() as tempfile.tempdir, Counting({}) as counting:
         from swath.commands.main import main
 

@@ -20,10 +20,10 @@ from benchmarks.counts import (
     in_a_process,
 )
 
-BOUNDS = {BYTECODES: 666_500, CALLS: 21_050, WALKS: 170, STEPS: 25, SUPPLIES: 93}
+BOUNDS = {BYTECODES: 388_700, CALLS: 12_800, WALKS: 91, STEPS: 25, SUPPLIES: 14}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
 STARTS = {  # command line -> bytecodes, modules
-    "--help": (85_300, 100), "run --help": (63_900, 30), "walk": (15_350, 27), "": (6_100, 27),
+    "--help": (84_900, 100), "run --help": (63_600, 30), "walk": (15_000, 27), "": (5_740, 27),
 }  # fmt: skip
 CLASSES, ASKING = 44, 7
 
