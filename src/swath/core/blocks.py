@@ -101,7 +101,7 @@ class Block:
 
     def last(self, name: str) -> Any:
         """A field of the newest."""
-        return self.trail.newest(name, [self.world])[0]
+        return self.values(name)[-1]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A field, (k, ...); a pose as (k, 12): position, then rows of the rotation."""
@@ -207,35 +207,26 @@ class Seen:
 
 
 class Shown(Mapping[str, Signal]):
-    """What a slot sent at a time in one world or in several: as a mapping, by output, that in the first.
+    """What a slot sent at a time in a world: as a mapping, by output. Samples are made where asked for.
 
-    Samples are made where they are asked for.
-
-    worlds: their numbers
     blocks: what was sent since the last look
     """
 
-    def __init__(
-        self, sent: Mapping[str, Row], worlds: Sequence[int], blocks: "Blocks | None" = None
-    ) -> None:
-        self._sent, self.worlds, self._blocks = sent, worlds, blocks
+    def __init__(self, sent: Mapping[str, Row], world: int = 0, blocks: "Blocks | None" = None) -> None:
+        self._sent, self._world, self._blocks = sent, world, blocks
 
     @classmethod
     def of_one(cls, outputs: Mapping[str, Signal]) -> "Shown":
         """What a slot sent in one world."""
         if isinstance(outputs, Shown):
             return outputs
-        return cls({name: row_with(signal) for name, signal in outputs.items()}, [0])
-
-    def of(self, k: int) -> "Shown":
-        """What it sent in the k-th of these worlds."""
-        return Shown(self._sent, [self.worlds[k]], self._blocks)
+        return cls({name: row_with(signal) for name, signal in outputs.items()})
 
     def __contains__(self, output: object) -> bool:  # without making the sample
         return output in self._sent
 
     def __getitem__(self, output: str) -> Signal:
-        signal: Signal = self._sent[output].view(self.worlds[0])
+        signal: Signal = self._sent[output].view(self._world)
         return signal
 
     def __iter__(self) -> Iterator[str]:
@@ -246,7 +237,7 @@ class Shown(Mapping[str, Signal]):
 
     def waiting(self, kind: type[Signal], machine: str) -> Block | None:
         """What was sent since the last look, of a type and machine; None = nothing."""
-        return None if self._blocks is None else self._blocks.waiting(self.worlds[0], kind, machine)
+        return None if self._blocks is None else self._blocks.waiting(self._world, kind, machine)
 
     def kinds(self) -> tuple[type[Signal], ...]:
         """Types of the samples."""
@@ -254,32 +245,12 @@ class Shown(Mapping[str, Signal]):
 
     def samples(self, kind: type[S]) -> list[S]:
         """The samples of a type."""
-        found: list[Any] = [row.view(self.worlds[0]) for row in self._rows(kind)]
+        found: list[Any] = [row.view(self._world) for row in self._rows(kind)]
         return found
 
     def number(self, kind: type[Signal], name: str) -> Any:
         """A field of the sample of a type, a pose as 12 numbers; None without one."""
-        return next((row.number(self.worlds[0], name) for row in self._rows(kind)), None)
-
-    def numbers(self, kind: type[Signal], name: str) -> Sequence[Any] | None:
-        """A number of the sample of a type, in each world; None without one."""
-        values = next((row.values(name) for row in self._rows(kind)), None)
-        return None if values is None else [values[world] for world in self.worlds]
-
-    def columns(self, kind: type[Signal], names: Sequence[str]) -> NDArray[np.float64] | None:
-        """Numbers of the sample of a type, (worlds, names); None without one."""
-        for row in self._rows(kind):
-            found = np.empty((len(self.worlds), len(names)))
-            for k, name in enumerate(names):
-                found[:, k] = row.column(name, self.worlds)
-            return found
-        return None
-
-    def newest(self, kind: type[Signal], machine: str) -> Trail | None:
-        """Where the newest that nobody has looked at lies; None = nowhere."""
-        trails = () if self._blocks is None else self._blocks.trails(kind, machine)
-        filled = (trail for trail in trails if trail.count)
-        return max(filled, key=lambda trail: trail.orders[trail.count - 1], default=None)
+        return next((row.number(self._world, name) for row in self._rows(kind)), None)
 
     def _rows(self, kind: type[Signal]) -> Iterator[Row]:
         return (row for row in self._sent.values() if issubclass(row.kind, kind))

@@ -597,7 +597,7 @@ class Lockstep:
         """Tell who follows a slot of its newest sample."""
         for world, follow in self._followers.get(slot, ()):
             if self.active[world]:
-                follow(slot, t, Shown(outputs, [world]))
+                follow(slot, t, Shown(outputs, world))
 
     def _prepared(self, goal: Goal | None) -> Program:
         """The program of the components and observers that there are."""

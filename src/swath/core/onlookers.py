@@ -46,7 +46,7 @@ class Audience:
         if self._rests:
             awake = [k for k, part in enumerate(self._parts) if t >= part.rests_until]
         for k in awake:
-            self._lookers[k].see(slot, t, Shown(sent, [self.worlds[k]], blocks))
+            self._lookers[k].see(slot, t, Shown(sent, self.worlds[k], blocks))
         return bool(awake)
 
 

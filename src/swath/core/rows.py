@@ -146,16 +146,11 @@ class Row(Samples):
         found: list[Any] = self.arrays[name].tolist()
         return found
 
-    def column(self, name: str, worlds: Sequence[int]) -> Any:
-        """A number in some worlds, or one for all."""
-        if name not in self.names:
-            return int(self.stamp[0]) if name == "t" else field_of(self, name)
-        found = self.memory[name]
-        return found[worlds] if len(worlds) < len(found) else found
-
     def number(self, world: int, name: str) -> Any:
         """A field in one world, a pose as 12 numbers."""
-        return self.memory[name][world].tolist() if name in self.names else self.column(name, ())
+        if name in self.names:
+            return self.memory[name][world].tolist()
+        return int(self.stamp[0]) if name == "t" else field_of(self, name)
 
     def fits(self, sample: Samples | Signal) -> bool:
         """Whether the arrays of another sample have the same shapes."""
@@ -399,14 +394,6 @@ class Trail:
     def samples(self, world: int) -> list[Any]:
         """All of one world."""
         return self.row.made(self.memory[: self.count, world], self.stamps[: self.count].tolist())
-
-    def newest(self, name: str, worlds: Sequence[int]) -> NDArray[Any]:
-        """A field of the newest in some worlds, (n, ...)."""
-        k = self.count - 1
-        if name not in self.row.names:
-            return np.full(len(worlds), self.stamps[k])
-        found: NDArray[Any] = self.memory[name][k]
-        return found if len(worlds) == len(found) else found[worlds]
 
     def clear(self) -> None:
         """They were taken."""

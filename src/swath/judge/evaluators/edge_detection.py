@@ -200,8 +200,8 @@ class EdgeDetection(Later):
     def see_live(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Look up what stands where edges are reported, once the truth has reached their times."""
         shown = Shown.of_one(outputs)
-        reported = shown.columns(CropEdge, ("t", *REPORTED))
-        edge = None if reported is None else reported[0].tolist()
+        reported = [shown.number(CropEdge, name) for name in ("t", *REPORTED)]
+        edge = None if reported[0] is None else list(map(float, reported))
         self.wait(edge, shown.waiting(MachineState, self.setup.name))
 
     def wait(self, edge: list[float] | None, more: Block | None = None) -> None:
