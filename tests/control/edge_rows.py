@@ -96,7 +96,7 @@ class Overhang:
         reports = self._reports
         reports.learn(0, reports.blocks[0].tolist()[:-2], np.array([[0.0, 0.0, 1e-4, 0.0]]), ())
         reports.steps["missing"], reports.steps["travel"] = missing, 1.0
-        reports.feet["is_found"] = reports.feet["fresh"] = 1.0
+        reports.feet["is_found"] = 1.0
         line = {"x": reports.detectors["reference"][0], "u": canopy, "offset_sd": known}
         for name in reports.lines.dtype.names:
             reports.lines[name] = line.get(name, 0.0)

@@ -14,14 +14,15 @@ from swath.signals import F64, CropEdge
 class EdgeReports:
     """Reports of detectors, one in each world.
 
-    rows: of ROW, (worlds,); steps, detectors, blocks, told, feet: their parts
+    rows: of ROW, (worlds,); steps, detectors, blocks, told, lines, feet: their parts
     points: of the edge, as `EdgePoints` has them, (worlds, ROOM, COLUMNS)
-    lines: as `near_line_kernel.Line`; edges: what is told
+    edges: what is told
     """
 
     def __init__(self, worlds: int) -> None:
         self.rows, self.points = np.zeros(worlds, ROW), np.zeros((worlds, ROOM, COLUMNS))
-        self.steps, self.detectors, self.blocks, self.told, self.feet = (self.rows[name] for name in ROWS)
+        parts = (self.rows[name] for name in ROWS)
+        self.steps, self.detectors, self.blocks, self.told, self.lines, self.feet = parts
         self.edges = row_of(CropEdge, worlds)
         self._launches: Sequence[Repeated] = ()
 
@@ -39,15 +40,12 @@ class EdgeReports:
         """Load what is compiled, before a run is in step with a clock."""
         if self._launches:
             return
-        from swath.control.edge.line.near_line_kernel import Asked, Line
         from swath.control.edge.report_kernel import report
 
-        n, wp = len(self.rows), start_warp()
-        asks, lines = (wp.zeros(n, dtype=kind, device="cpu") for kind in (Asked, Line))
-        self.lines = lines.numpy()
-        rows, edges = self.rows.view(np.float64), self.edges.memory.view(np.uint8)
-        fit = shared(self.points, wp.vec4d), shared(np.zeros((n, 8, ROOM + 1))), asks, lines
-        given = [shared(rows.reshape(n, -1)), *fit, shared(edges.reshape(n, -1))]
+        n = len(self.rows)
+        numbers, edges = self.rows.view(np.float64), self.edges.memory.view(np.uint8)
+        points = shared(self.points, start_warp().vec4d)
+        given = [shared(numbers.reshape(n, -1)), points, shared(edges.reshape(n, -1))]
         self._launches = [repeatable(report, [*given, stage], threads=n) for stage in range(ALL + 1)]
 
     def launch(self, stage: int) -> None:

@@ -19,7 +19,6 @@ from swath.control import inclination
 from swath.control.edge import canopy_classes, profile
 from swath.control.edge.feet import canopy_offset
 from swath.control.edge.feet.canopy_offset_kernel import Offset, Rays, count_rays, fitted_shift
-from swath.control.edge.line import line_weights
 from swath.control.inertial_kernel import incline
 from swath.core import schedule
 from swath.kernels import constants
@@ -50,7 +49,7 @@ INNER = constants(0.35)[0]
 MAX_GROUND, RESOLUTION = constants(0.6, 0.02)  # m: stubble off the machine's plane, least sd of a point
 SLOPE_SD, BEND_SD = constants(0.07, 0.02)  # [1], 1/m: of how far an edge is from straight ahead
 # 95 % efficiency on normal errors (Beaton & Tukey 1974, doi:10.1080/00401706.1974.10489171); sd / median
-TUKEY, MAD = constants(line_weights.TUKEY, line_weights.MAD)
+TUKEY, MAD = constants(profile.TUKEY, profile.MAD)
 TINY, SMALL = constants(1e-9, 1e-6)  # in the place of nothing, to divide by; s, m2
 LATE, TOP, LEAST_SURE = constants(0.1, 0.9, profile.LEAST_SURE)  # shares: newest scan, echoes of crop
 ERROR_ODDS = constants(3.0)[0]  # nat: odds of an echo on its side of a threshold between heights, 95 %

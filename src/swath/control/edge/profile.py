@@ -13,6 +13,7 @@ from swath.signals import CropEdge
 EVENLY = sqrt(12.0)  # width of an even spread over its standard deviation
 TOLERANCE = 0.10  # m, of the confidence
 LEAST_SURE = 0.01  # confidence of an edge that is reported
+TUKEY, MAD = 4.685, 1.4826  # of robust fits: where a weight becomes none, deviation over median
 UNSURE = 0.45  # the greatest one of an edge that is held, not seen
 
 

@@ -1,21 +1,22 @@
-// The edge just ahead of the knife as the detector tells it, after overhang.cpp: the body of a native function.
+// The edge just ahead of the knife as the detector tells it, after overhang.cpp and near.cpp: the body of a native function.
 //
-// The line that `near_line_kernel.near` fitted lies at the canopy; it is moved to the feet of the crop: behind the overhang of an
-// upright stand, or to the foot of the ramp of one that leans away from the edge, and then to where the stand's height, what the
-// header cuts and other scanners say that they are. Stage FEET finds what has to be known of the first two, stage EDGE the rest.
+// The line that near.cpp fits lies at the canopy; it is moved to the feet of the crop: behind the overhang of an upright stand,
+// or to the foot of the ramp of one that leans away from the edge, and then to where the stand's height, what the header cuts
+// and other scanners say that they are. Stage FEET finds what has to be known of the first two, stage EDGE the rest.
 //
-// In: points of the edge. In and out: a row of report_rows.py, sums of what was cut and feet in it; the line. Out: edge, a row of
-// `CropEdge`.
+// Stage DRIVE is the way of a scan: the place of a step moves by its seconds.
+//
+// In: points of the edge. In and out: a row of report_rows.py. Out: edge, a row of `CropEdge`.
 
-// Bites and swing: of the scatter beyond that of an even edge, which is so much of the crop's height. Of what the wall lies to and
-// fro along the edge: bites behind what stands out. Of the depth of bites: the edge lies 0.76 of it further in than the line, at
-// most. Of the spacing of rows: scatter of single plants, which are no bites.
+// Bites and swing: of the scatter beyond that of an even edge, which is so much of the crop's height. Of what the wall lies to
+// and fro along the edge: bites behind what stands out. Of the depth of bites: the edge lies 0.76 of it further in than the
+// line, at most. Of the spacing of rows: scatter of single plants, which are no bites.
 constexpr D RAGGED = 2.8, EVEN = 0.03, HIDDEN = 0.4, BITES = 0.8, ROWS = 0.125;
-// m per bend of 1/m: rays that cross the edge show it less well. m per rad that the edge turns away from the crop: 1.3 % of wheel
-// slip, not known.
+// m per bend of 1/m: rays that cross the edge show it less well. m per rad that the edge turns away from the crop: 1.3 % of
+// wheel slip, not known.
 constexpr D BENT = 0.4, SLIPPED = 0.12;
-// m: least deviation of an edge that is held, not seen; from so far to the nearest block on it is held; travel over which the header
-// tells its width. Least cosine of the edge's angle to the machine.
+// m: least deviation of an edge that is held, not seen; from so far to the nearest block on it is held; travel over which the
+// header tells its width. Least cosine of the edge's angle to the machine.
 constexpr D HELD = 0.167, BETWEEN = 0.7, OVER_M = 1.0, LEAST_COS = 0.2;
 // shares of rays that dust takes: it hides nothing, all; m of spread of the blocks: on an uneven edge the usual overhang counts
 constexpr D CLEAR = 0.05, DUSTY = 0.12, SMOOTH_M = 0.05, UNEVEN_M = 0.09;
@@ -29,7 +30,7 @@ struct Edge {
   D other_offset, other_chance;
 };
 Edge& reported = *(Edge*)edge.data;
-auto& line = lines.data[world];
+auto& line = q.line;
 const int count = (int)b.points;
 auto distance = [&](int i) { return points.data[i][3]; };
 auto is_seen = [&](int i) { return points.data[i][2] < VAGUE * VAGUE; };
@@ -45,14 +46,25 @@ auto canopy = [&](D x, D steep) {  // where its edge lies aside at a place ahead
   return line.u + beyond * ::tan(line.angle) + 0.5 * line.bend * square(beyond / steep) / steep;
 };
 
+constexpr D OLD = 0.15, LATE = 0.4;  // s: age of the newest scan from which on an edge is less sure, and is none
+const D age = (s.now - s.scan_t) / 1e9, seconds = stage == DRIVE ? s.seconds : age;
+// along the heading, and aside by crab, the side slip of the fixed axle per side force in g
+const D crab = d.crab * (s.rise + d.sign * s.speed * s.yaw_rate / GRAVITY);
+const D course = s.heading + 0.5 * s.yaw_rate * seconds - d.sign * crab, travel = s.speed * seconds;
+const Frame here{s.x + travel * ::cos(course), s.u + travel * ::sin(course), s.heading + s.yaw_rate * seconds};
+if (stage == DRIVE) s.x = here.x, s.u = here.u, s.heading = here.angle;
+
+if (stage & FEET) f.is_found = b.is_begun > 0.0 && age <= LATE && b.points >= 2.0;
 if (stage & FEET && f.is_found > 0.0) {
+  const D cosine = ::cos(here.angle), sine = ::sin(here.angle), dx = b.x - here.x, du = b.u - here.u;
+  const Frame front{cosine * dx + sine * du, cosine * du - sine * dx, b.angle - here.angle};
+  fit_near(here, front);
   bool goes_on = false;
   for (int i = 0; i < count; ++i) goes_on |= distance(i) >= along() - BETWEEN && is_seen(i);
   if (!(b.bite == 0.0 && goes_on)) {  // as the track has it
-    const auto& ask = asks.data[world];
-    const D more = d.reference - ask.front_x, way = more / larger(::cos(ask.front_angle), LEAST_COS);
-    const D u = ask.front_u + more * ::tan(ask.front_angle) + 0.5 * b.bend * square(way);
-    line = {d.reference, u, ask.front_angle + b.bend * way, b.bend, larger(line.offset_sd, BITES * b.bite),
+    const D more = d.reference - front.x, way = more / larger(::cos(front.angle), LEAST_COS);
+    const D u = front.u + more * ::tan(front.angle) + 0.5 * b.bend * square(way);
+    line = {d.reference, u, front.angle + b.bend * way, b.bend, larger(line.offset_sd, BITES * b.bite),
             larger(line.angle_sd, b.turn_sd), line.gap, line.spread, line.seen_to};
   }
   // all that was seen of the edge may lie ahead of the reported place: what is ahead will be reached
@@ -87,9 +99,10 @@ if (stage & FEET && f.is_found > 0.0) {
     upright = mixed(row.chance, row, upright);
     ramp = {(1.0 - row.chance) * b.lean, clean * b.foot - upright.place, FEET_SD * __builtin_fabs(b.foot)};
   }
-  const D rows = row_at(upright.place).chance, dense = larger(b.stopped, rows);  // of plants, which stand out by themselves; of all
+  // of plants, which stand out by themselves; where all plants are
+  const D rows = row_at(upright.place).chance, dense = larger(b.stopped, rows);
   const D low = stage == FEET ? lean_of(crop, dense) : 0.0;
-  f = {f.is_found, f.fresh, upright.place, upright.sd, ramp.chance, ramp.place, ramp.sd, rows, dense, low, f.hang_sd};
+  f = {f.is_found, upright.place, upright.sd, ramp.chance, ramp.place, ramp.sd, rows, dense, low, f.hang_sd};
 }
 
 if (stage & EDGE) {
@@ -135,8 +148,9 @@ if (stage & EDGE) {
       sure = smaller(sure, UNSURE), sd = larger(sd, HELD);
     sure = smaller(larger(sure, LEAST_SURE), 1.0);
     auto aside = [&](const Mode& m) { return d.sign * (place + (f.shift + m.place) / steep); };
-    const D fresh = f.fresh >= 1.0 ? sure : larger(f.fresh * sure, LEAST_SURE), ends = line.seen_to + 0.5 * BLOCK_M;
-    reported = {aside(likely), d.sign * line.angle, d.sign * line.bend, d.reference, fresh, crop, b.stubble + b.plane, sd,
-                line.angle_sd, d.reference + ends * steep, line.gap > 1.0, other.chance > 0.0 ? aside(other) : none, other.chance};
+    const D share = smaller((LATE - age) / (LATE - OLD), 1.0), aged = share >= 1.0 ? sure : larger(share * sure, LEAST_SURE);
+    const D ends = d.reference + (line.seen_to + 0.5 * BLOCK_M) * steep, aside_too = other.chance > 0.0 ? aside(other) : none;
+    reported = {aside(likely), d.sign * line.angle, d.sign * line.bend, d.reference, aged, crop, b.stubble + b.plane, sd,
+                line.angle_sd, ends, line.gap > 1.0, aside_too, other.chance};
   }
 }

@@ -47,10 +47,14 @@ ROWS = {
     ),
     # What scanners on several sides say: is_told, tangent of the lean outward, its deviation
     "told": _row("is_told lean sd"),
-    # From stage to stage: whether there is an edge, how fresh it is 0..1; its feet behind the canopy [m];
+    # The edge near the place that is reported, in the machine's frame: x, u [m], angle [rad], bend [1/m], its
+    # deviations; distance along it from there to the nearest point; spread of the points about it; distance
+    # to the last one [m]
+    "line": _row("x u angle bend offset_sd angle_sd gap spread seen_to"),
+    # From stage to stage: whether there is an edge; its feet behind the canopy [m];
     # those of a lean inward, with its chance; how clearly rows are seen 0..1; how dense the stand is; its
     # lean by its height [rad]; deviation of what hangs over [m]
-    "feet": _row("is_found fresh shift shift_sd ramp_chance ramp ramp_sd rows dense low hang_sd"),
+    "feet": _row("is_found shift shift_sd ramp_chance ramp ramp_sd rows dense low hang_sd"),
 }
 ROW = np.dtype(
     [*ROWS.items(), ("back", "f8", RETURNS)]

@@ -24,13 +24,14 @@ constexpr D DENSE[3] = {0.965, 0.03, 1.0}, THIN[3] = {0.77, 0.06, 0.75};
 // chances that the header misses crop elsewhere, too, estimated: holes, evenly up to so much [m], and the two wheel tracks of a
 // tramline, tyres of 0.3 to 0.65 m; passes with one where lines lie 24 to 36 m apart
 constexpr D MISSED = 0.1, HOLES_M = 2.0, TRAMLINES = 0.3, TRACKS_M[2] = {0.6, 1.3};
-// m: standard deviation of the width over a metre of a ragged edge; travel over which what the header cuts says how the stand leans;
-// chance at most that what seems a ramp is one; all estimated
+// m: standard deviation of the width over a metre of a ragged edge; travel over which what the header cuts says how the stand
+// leans; chance at most that what seems a ramp is one; all estimated
 constexpr D UNEVEN = 0.05, CUT_M = 10.0, RAMPS = 0.98;
-// of the overhang of the tops: where a dense, a thin wall is seen; standard deviation of the tangent of a lean that brightness shows
+// of the overhang of the tops: where a dense, a thin wall is seen; standard deviation of the tangent of a lean that brightness
+// shows
 constexpr D EDGE_OF_TOPS = 0.95, EDGE_OF_THIN = 0.7, MODEL = 0.1;
-// m between places that a hang may have, the first of them in such steps; chance that is none; how many places; leans, of those of
-// overhang.py, that are those of a stand that stands, < 15 deg
+// m between places that a hang may have, the first of them in such steps; chance that is none; how many places; leans, of those
+// of overhang.py, that are those of a stand that stands, < 15 deg
 constexpr D PLACE = 0.025, FIRST = -20.0, NEVER = 1e-6, PI = 3.141592653589793;
 constexpr int PLACES = 100, STANDING = 6;
 

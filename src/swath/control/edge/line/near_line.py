@@ -1,4 +1,4 @@
-"""Where blocks showed the edge: the points that the line beside the machine goes by (`near_line_kernel`)."""
+"""Where blocks showed the edge: the points that the line beside the machine goes by (near.cpp)."""
 
 import numpy as np
 
