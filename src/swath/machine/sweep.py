@@ -67,16 +67,17 @@ class Sweeps:
 
 
 class FieldTasks(Tasks):
-    """Polygons that fields take, each its own. take: a polygon of a world, with its two numbers."""
+    """Polygons that fields take, each its own."""
 
-    def __init__(
-        self, fields: Sequence[Field], take: Callable[..., None], polygons: Any, found: Any, needs: Any
-    ) -> None:
+    def __init__(self, fields: Sequence[Field], polygons: Any, found: Any, needs: Any) -> None:
         super().__init__(polygons, found, needs)
-        self._fields, self._take = fields, take
+        self._fields = fields
 
-    def rest(self) -> dict[int, SwathError]:
-        """Do what compiled code did not; by world why that is refused."""
+    def rest(self, take: Callable[..., None]) -> dict[int, SwathError]:
+        """Do what compiled code did not; by world why that is refused.
+
+        take: a polygon of a world, with its two numbers
+        """
         errors = dict[int, SwathError]()
         for world in np.flatnonzero(self.sums[:, DONE] < self.found).tolist():
             field = self._fields[world]
@@ -84,7 +85,7 @@ class FieldTasks(Tasks):
                 for polygon in numbered(
                     self.polygons[world, int(self.sums[world, DONE]) : self.found[world]]
                 ):
-                    self._take(world, *polygon)
+                    take(world, *polygon)
                     self.sums[world, DONE] += 1
             except SwathError as error:
                 errors[world] = error

@@ -42,14 +42,14 @@ class Knives(KeepsRows):
         """Of a step of `room` poses at most: sweep, cut, after which `cut_rest` may be needed, sums."""
         sweeps, flows = self.sweeps, self.flow.memory.view(np.float64).reshape(len(self._fields), -1)
         sweeps.widen(room, active=active, clock=clock, **poses)
-        self._tasks = FieldTasks(self._fields, self._cut, sweeps.polygons, sweeps.found, needs)
+        self._tasks = FieldTasks(self._fields, sweeps.polygons, sweeps.found, needs)
         told = {"sums": self._tasks.sums, "forget": self._forget, "gauges": self._gauges, "flows": flows}
         vars(sweeps).update(told)
         return [sweeps.launch, self._tasks.launch("cut_polygons"), sweeps.launch_of("tell_flows")]
 
     def cut_rest(self) -> dict[int, SwathError]:
         """Cut what compiled code did not; by world why that is refused."""
-        return self._tasks.rest()
+        return self._tasks.rest(self._cut)
 
     def cut(self, t: int, dt: int, lines: Sequence[Any], runs: Sequence[Sequence[int]]) -> CropFlow:
         """A step of the only world, dt long, to t [ns]; raises what is refused. lines, runs: see `Sweeps`."""

@@ -54,7 +54,7 @@ class Outlets(KeepsRows):
 
         n = len(self._fields)
         polygons, found = np.zeros((n, 2, POLYGON)), np.zeros(n, np.int32)
-        self._tasks = FieldTasks(self._fields, self._lay, polygons, found, needs)
+        self._tasks = FieldTasks(self._fields, polygons, found, needs)
         own = {"straw": self.straw, "outlets": self._outlets, "states": self._states}
         its = filled(kernel.Dropping, polygons=polygons, found=found, **own, **given)
         each = [over_rows(n, getattr(kernel, name), its) for name in (*kernels, "drop_straw")]
@@ -62,7 +62,7 @@ class Outlets(KeepsRows):
 
     def lay_rest(self) -> dict[int, SwathError]:
         """Lay what compiled code did not; by world why that is refused."""
-        return self._tasks.rest()
+        return self._tasks.rest(self._lay)
 
     def _lay(self, world: int, polygon: Corners, mass: float, heading: float) -> None:
         self._fields[world].deposit_straw(polygon, mass, heading=None if isnan(heading) else heading)
