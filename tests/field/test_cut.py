@@ -1,5 +1,7 @@
 """Cutting: each cell once, masses that add up, edges that are found again."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -297,6 +299,29 @@ def test_tops_after_a_cut_are_those_of_a_fresh_look():
         np.testing.assert_array_equal(field.pages.tile_top, before)
         lowered = int(np.sum((before > 0.0) & (before < 0.5)))
     assert lowered > 20
+
+
+def test_tops_are_those_of_the_crop_that_a_tile_shows():
+    """Looked at tile by tile: STANDING where no page is, the highest code within the reach of what leans."""
+    field = made_field(edge=ALL_CROP, stand=uniform.Params(lean_deg=40.0, row_azimuth_deg=70.0))
+    field.ensure(0.0, 0.0, 20.0)
+    rng = np.random.default_rng(7)
+    for _ in range(15):
+        middle, angle = rng.uniform(-12.0, 12.0, 2), rng.uniform(-np.pi, np.pi)
+        field.cut(turned(rectangle(-3.0, -5.0, 3.0, 5.0), angle) + middle, rng.choice([0.0, 0.2, 0.4]))
+    store, p, lib = field.store, field.pages, field.library
+    highest = {
+        (8 * i + u, 8 * j + v): int(store.code_max[slot, v, u])
+        for (i, j), slot in store.keys.items() for v, u in np.ndindex(8, 8)
+    }  # fmt: skip
+    for (x, y), own in highest.items():
+        at = store.keys[x // 8, y // 8], y % 8, x % 8
+        scale, lean_x, lean_y, density = p.tile_stand[at].astype(float)
+        reach = min(math.ceil((lib.reach + math.hypot(lean_x, lean_y) * lib.height_max) / lib.tile_size), 4)
+        span = range(-reach, reach + 1)
+        code = max(highest.get((x + a, y + b), 255) for a in span for b in span)
+        top = min(lib.height_max * scale, 0.01 * code if code < 255 else np.inf) + 0.001
+        assert p.tile_top[at] == np.float32(0.0 if code == 0 or density <= 0.0 else top), own
 
 
 def test_a_cut_across_many_pages_is_the_sum_of_its_parts():

@@ -45,7 +45,7 @@ MAY_READ = re.compile(
     r"(?:open|read|load|parse|Reader|MDF|File|connect|fromstring|XML|text_lines|blocks)\w*\("
 )
 PARTS_OF_SWATH = {  # sources of compiled code and pages, data sheets, examples: installed with it
-    "commands/docs.py", "commands/new.py", "commands/scenarios.py", "field/cutting/bumps_kernel.py",
+    "commands/docs.py", "commands/new.py", "commands/scenarios.py", "field/cutting/height_kernel.py",
     "field/cutting/recount_kernel.py", "field/light.py", "fleet/ground_kernel.py", "kernels.py",
     "link/can/codec.py", "rays/packets/kernel.py", "rays/sight_kernel.py", "rays/single/kernel.py",
     "replay/writer.py", "report/html.py", "sensing/native/dust_kernel.py", "sensing/native/kernel.py",

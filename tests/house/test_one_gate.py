@@ -154,7 +154,7 @@ def test_processes_are_started_in_one_place(calls):
 
 OWN_READS = {  # parts of swath itself, and what it wrote in the same command; all else: `read_file.py`
     "api.py", "commands/docs.py", "commands/main.py", "commands/new.py", "commands/scenarios.py",
-    "commands/sheets.py", "core/files/read_file.py", "documents/packed.py", "field/cutting/bumps_kernel.py",
+    "commands/sheets.py", "core/files/read_file.py", "documents/packed.py", "field/cutting/height_kernel.py",
     "field/cutting/recount_kernel.py",
     "fleet/command.py", "fleet/ground_kernel.py", "judge/summary.py", "kernels.py", "link/fmi/export.py",
     "link/fmi/export_slave.py", "rays/packets/kernel.py", "rays/sight_kernel.py", "rays/single/kernel.py",

@@ -227,6 +227,22 @@ def test_grain_in_the_tank_makes_the_loaded_machine():
     assert sum(filled.axle_loads) == pytest.approx((D.mass + 8000.0) * G)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_grain_weighs_what_the_sheet_of_the_loaded_machine_says(seed):
+    """To the bit, from the first step on, whatever was in the tank before."""
+    draw = np.random.default_rng(seed)
+    grain, other = draw.uniform(1.0, 9000.0, 2).tolist()
+    ground = slope(*draw.uniform(-0.05, 0.05, 2))
+    filled, loaded = make(ground, substep_ms=5.0), make(ground, with_grain(SHEET, grain), substep_ms=5.0)
+    for carried in (other, 0.0, grain):
+        run(filled, 0.02, speed=0.0, load=MachineLoad(0, carried, *(0.0,) * 6))
+    filled.load({**loaded.save(), "grain": filled.save()["grain"]})
+    for steer, speed in draw.uniform((-0.5, -2.0), (0.5, 3.0), (8, 2)).tolist():
+        a, b = (run(motion, 0.5, steer=steer, speed=speed)[-1] for motion in (filled, loaded))
+        assert sample_bytes("m", "state", 0, a) == sample_bytes("m", "state", 0, b)
+    assert filled.axle_loads == loaded.axle_loads
+
+
 def test_saved_state_goes_on_byte_for_byte():
     ground = slope(0.03, 0.05)
     one, two = make(ground, start_speed_kmh=4.0), make(ground, start_speed_kmh=4.0)

@@ -20,7 +20,7 @@ from benchmarks.counts import (
     in_a_process,
 )
 
-BOUNDS = {BYTECODES: 388_700, CALLS: 12_800, WALKS: 91, STEPS: 25, SUPPLIES: 14}
+BOUNDS = {BYTECODES: 380_700, CALLS: 12_920, WALKS: 81, STEPS: 25, SUPPLIES: 4}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
 STARTS = {  # command line -> bytecodes, modules
     "--help": (84_900, 100), "run --help": (63_600, 30), "walk": (15_000, 27), "": (5_740, 27),

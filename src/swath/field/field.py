@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import fields
 from functools import cached_property, partial
-from math import fsum, isfinite
+from math import fsum
 from typing import Any
 
 import numpy as np
@@ -248,7 +248,7 @@ class Field:
         try:
             return self._cutter.cut(corners, STANDING).area
         except InputError:  # too many corners, or too wide
-            cells = cells_inside(np.array(self._corners(polygon, self.maker.cell)))
+            cells = cells_inside(np.stack(self.to_stand(*np.array(corners).T), axis=1) / self.maker.cell)
             return int(np.count_nonzero(self._stands(*cells))) * self.maker.cell**2
 
     def standing_areas(self, triangles: Array) -> Array:
@@ -261,11 +261,6 @@ class Field:
             np.where(turns[:, None, None] < 0.0, triangles[:, ::-1], triangles)
         )
 
-    def _corners(self, polygon: Any, unit: float) -> list[Corner]:
-        """Corners of a convex polygon (n, 2) [m], counter-clockwise, in a unit [m] of the stand frame."""
-        c, s = self._turn
-        return [((c * x + s * y) / unit, (c * y - s * x) / unit) for x, y in _corners_near(polygon)]
-
     def standing(self, x: Any, y: Any) -> NDArray[np.bool_]:
         """True where crop stands, in the shape of x and y."""
         if self.profile is not None:
@@ -275,9 +270,7 @@ class Field:
     def standing_along(self, starts: Sequence[Corner], step: Corner, count: int) -> NDArray[np.bool_]:
         """As `standing`, compiled, at middles of `count` steps from starts on [m]: (n, count)."""
         (c, s), cell, (dx, dy) = self._turn, self.maker.cell, step
-        for x, y in starts:
-            _check_place(x, y)
-            _check_place(x + count * dx, y + count * dy)
+        _check_near(*np.array([*starts, *((x + count * dx, y + count * dy) for x, y in starts)]).T)
         if self.profile is not None:
             return self.profile.standing_along(starts, step, count)
         places = [((c * x + s * y) / cell, (c * y - s * x) / cell) for x, y in starts]
@@ -543,23 +536,11 @@ def _check_near(x: Array, y: Array) -> None:
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         raise InputError("position", None, "expected finite x and y")
     if x.size and max(np.abs(x).max(), np.abs(y).max()) > FAR:
-        raise _too_far()
-
-
-def _check_place(x: float, y: float) -> None:
-    if not (isfinite(x) and isfinite(y)):
-        raise InputError("position", None, "expected finite x and y")
-    if max(abs(x), abs(y)) > FAR:
-        raise _too_far()
+        raise InputError("position", None, f"expected within {FAR:g} m of the origin of the field")
 
 
 def _corners_near(polygon: Any) -> list[Corner]:
     """As `corners_of`; they are not too far."""
     corners = corners_of(polygon)
-    if any(not (-FAR <= x <= FAR and -FAR <= y <= FAR) for x, y in corners):
-        raise _too_far()
+    _check_near(*np.array(corners).T)
     return corners
-
-
-def _too_far() -> InputError:
-    return InputError("position", None, f"expected within {FAR:g} m of the origin of the field")

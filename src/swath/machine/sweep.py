@@ -1,12 +1,13 @@
 """What lines sweep over between two moments, as convex polygons without gaps, and what fields make of it."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from swath.core.component import State
 from swath.core.errors import SwathError
+from swath.core.together import KeepsRows
 from swath.field.cutting.land import CORNERS, DONE, Tasks
 from swath.field.field import Field
 from swath.kernels import Repeated, filled_by, over_rows
@@ -46,12 +47,7 @@ class Sweeps:
         n, runs, _ = self.runs.shape
         self.lines, self.polygons = np.zeros((n, room, runs + 1, 2)), np.zeros((n, 2 * room * runs, POLYGON))
         vars(self).update(more)
-        self.__dict__.pop("launch", None)
-
-    @cached_property
-    def launch(self) -> Repeated:
-        """The launch that finds the polygons."""
-        return self.launch_of("sweep_lines")
+        self.launch = self.launch_of("sweep_lines")  # which finds the polygons
 
     def launch_of(self, name: str) -> Repeated:
         """The launch of a kernel."""
@@ -91,6 +87,21 @@ class FieldTasks(Tasks):
                 errors[world] = error
             field.lend(self, world)
         return errors
+
+
+class OneWorld:
+    """`save` and `load` of the only world of what keeps rows."""
+
+    def __init__(self, rows: KeepsRows) -> None:
+        self.rows = rows
+
+    def save(self) -> State:
+        """As that."""
+        return self.rows.save(0)
+
+    def load(self, state: State) -> None:
+        """As that."""
+        self.rows.load(0, state)
 
 
 def numbered(polygons: Any) -> Iterator[Numbered]:

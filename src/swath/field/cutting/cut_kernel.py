@@ -6,13 +6,13 @@ without fused multiply-adds.
 
 import warp as wp
 
-from swath.field.cutting.bumps_kernel import code
+from swath.field.cutting.height_kernel import code
 from swath.field.cutting.land_kernel import Land, Work
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 
-@wp.func_native(code("pages.cpp", "cut_polygons.cpp"))
+@wp.func_native(code("pages.cpp", "tops.cpp", "cut_polygons.cpp"))
 def cut(w: int, its: Work): ...
 
 

@@ -1,4 +1,4 @@
-// The cut of convex polygons in a world, row of cells by row of cells: the body of one native function (cut_kernel.py), after pages.cpp.
+// The cut of convex polygons in a world, row of cells by row of cells: the body of one native function (cut_kernel.py), after pages.cpp and tops.cpp.
 //
 // In: `its` as `Work`, of a polygon its area and the code of the cut; a code of STANDING only counts what stands. Sums go row by row from
 // below, in each from left to right; they stay as they are where Python has to cut, and so does the field.
@@ -154,8 +154,6 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
   for (int k = 0; k < 6; ++k) sums[k] += terms[k];
 
   // ---- Tiles that got lower, and the tops of those that show what stood on them
-  constexpr int REACH_MAX = 4;     // tiles, as in height_bounds.py
-  constexpr double SLACK = 0.001;  // as there
   auto highest_on = [&](const unsigned char* codes) -> int {  // of a tile; its corners first, since most are not cut wholly
     constexpr int END = CELLS - 1;
     const int corners[4] = {codes[0], codes[END], codes[END * PAGE], codes[END * PAGE + END]};
@@ -166,22 +164,11 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
     return found;
   };
   auto write_tops = [&](int tile_x, int tile_y) {
-    for (int v = tile_y - REACH_MAX; v <= tile_y + REACH_MAX; ++v)
-      for (int u = tile_x - REACH_MAX; u <= tile_x + REACH_MAX; ++u) {
-        const int slot = slot_at(land, u >> 3, v >> 3), number = 64 * slot + (v & 7) * 8 + (u & 7);
-        if (slot < 0) continue;
-        const auto& stand = land.tile_stand.data[number];
-        const double x = stand[1], y = stand[2], lean = __builtin_sqrt(x * x + y * y) + land.sway * (double)stand[0];
-        const int tiles_on = (int)__builtin_ceil((land.stem_reach + lean * land.height_max) / land.tile_size), reach = tiles_on < REACH_MAX ? tiles_on : REACH_MAX;
-        if (u - tile_x > reach || tile_x - u > reach || v - tile_y > reach || tile_y - v > reach) continue;
-        int found = 0;  // the highest code of those that it shows
-        for (int b = v - reach; b <= v + reach; ++b)
-          for (int a = u - reach; a <= u + reach; ++a) {
-            const int other = slot_at(land, a >> 3, b >> 3), here = other < 0 ? STANDING : land.code_max.data[64 * other + (b & 7) * 8 + (a & 7)];
-            found = here > found ? here : found;
-          }
-        const double whole = land.height_max * (double)stand[0], cut = 0.01 * found, top = found < STANDING && cut < whole ? cut : whole;
-        land.tile_top.data[number] = found == 0 || stand[3] <= 0.0f ? 0.0f : (float)(top + SLACK);
+    constexpr int FAR_OFF = 4;  // tiles, as `reach_of` at most
+    for (int v = tile_y - FAR_OFF; v <= tile_y + FAR_OFF; ++v)
+      for (int u = tile_x - FAR_OFF; u <= tile_x + FAR_OFF; ++u) {
+        const int slot = slot_at(land, u >> 3, v >> 3), at = 64 * slot + (v & 7) * 8 + (u & 7), reach = slot < 0 ? -1 : reach_of(land, at);
+        if (u - tile_x <= reach && tile_x - u <= reach && v - tile_y <= reach && tile_y - v <= reach) write_top(land, u, v, at, reach);
       }
   };
   for (int n = 0; n < count; ++n) {

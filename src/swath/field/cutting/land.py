@@ -28,7 +28,7 @@ class LandMemory:
     """Pages of a store as `land_kernel.Land`.
 
     turn: cosine and sine of the yaw of the stand, and it
-    sway: the most that wind leans stems, see `tops.update_tops`; depth_per_kg: of straw on a node [m/kg]
+    sway: the most that wind leans stems, see height_bounds.py; depth_per_kg: of straw on a node [m/kg]
     laid: room for straw on nodes [kg]; who puts it elsewhere counts that as pages that moved
     """
 
@@ -71,6 +71,7 @@ class Tasks:
         self.polygons, self.found, self.needs, self.known = polygons, found, needs, np.full(n, -1)
         self._structs = [[kind() for _ in range(n)] for kind in kinds]
         self.lands, self.roots = map(of_worlds, kinds, self._structs)
+        self._rows = self.lands.numpy(), self.roots.numpy()
         self.rows, self.pages = np.full((n, 2), ALL_ROWS, np.int32), np.zeros((n, PAGES_MAX, 4), np.int32)
         self.sums = np.zeros((n, SUMS))
 
@@ -85,8 +86,8 @@ class Tasks:
         """Take the memory of a field as it is now."""
         if self.known[world] != (moved := land.store.counters[MOVED]):
             self._structs[0][world], self._structs[1][world] = structs = land.now(), roots
-            for array, struct in zip((self.lands, self.roots), structs, strict=True):
-                array.numpy()[world] = struct.numpy_value()
+            for row, struct in zip(self._rows, structs, strict=True):
+                row[world] = struct.numpy_value()
             self.known[world] = moved
 
 

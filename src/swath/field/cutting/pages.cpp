@@ -1,7 +1,7 @@
 // Before the body of a native function: pages of a field as `Land` has them, and what it does with polygons (land_kernel.py).
 
 constexpr int CELLS = 64, TILES = 8, PAGE = 512, STANDING = 255, PAGES_MAX = 256, CORNERS_MAX = 64;  // as in memory_layout.py, land.py
-constexpr int REVISION = 0, MOVED = 1, TOUCHED = 4, SUMS = 8, DONE = 6, LACKED = 7;
+constexpr int REVISION = 0, MOVED = 1, STEM_REACH = 3, TOUCHED = 4, SUMS = 8, DONE = 6, LACKED = 7;
 constexpr double FAR = 1.0e6;  // as in field.py
 struct Point { double x, y; };
 struct Asked { double corners, first, second; Point at[1]; };

@@ -64,8 +64,7 @@ class Headers(KeepsRows, Compiled):
         self._knives = Knives([part.field for part in parts], 2, steps, widths)
         super().__init__(len(parts), {"flow": self._knives.flow})
         self._ends = np.array([part.knife for part in parts])
-        codes = [round(100.0 * part.params.cutting_height_m) for part in parts]
-        self._knives.sweeps.runs[:, 0, 2] = codes
+        self._knives.sweeps.runs[:, 0, 2] = [round(100.0 * part.params.cutting_height_m) for part in parts]
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Nothing cut."""

@@ -21,7 +21,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.core.component import Inputs, KeepsState, Outputs, Port, State
+from swath.core.component import Inputs, KeepsState, Outputs, Port
 from swath.core.errors import InputError
 from swath.core.frames import Array, Pose
 from swath.core.frozen import changed
@@ -33,6 +33,7 @@ from swath.field.site_setup import SiteSetup
 from swath.machine import SPEED
 from swath.machine.header.header_kinematics import HeaderKinematics
 from swath.machine.header.knives import Knives
+from swath.machine.sweep import OneWorld
 from swath.signals import CropFlow, HeaderState, MachineState
 
 
@@ -258,7 +259,7 @@ class HeightControlHeader(KeepsState):
     """A stiff knife on feeder and tilt cylinders."""
 
     kept = (
-        *("_pose", "_speed", "_feelers", "_lift", "_tilt"),
+        *("_knives", "_pose", "_speed", "_feelers", "_lift", "_tilt"),
         *("_raising", "_leaning", "_predictor"),
     )
 
@@ -279,7 +280,8 @@ class HeightControlHeader(KeepsState):
         self._behind = np.concatenate([np.zeros(count), skid])
         self._across = np.concatenate([knife, np.tile(self._feeler_y, 3)])
         self._nodes, self._period = count, setup.period
-        self._knives = Knives([setup.field], p.sections + 1, [p.sweep_step_m], [setup.machine.header_width])
+        self._knife = Knives([setup.field], p.sections + 1, [p.sweep_step_m], [setup.machine.header_width])
+        self._knives = OneWorld(self._knife)
 
     def reset(self, stream: Stream) -> Outputs:
         """Knife level at the wanted height; its place is taken from the first state that comes."""
@@ -295,7 +297,7 @@ class HeightControlHeader(KeepsState):
         gains, band = (gain, p.integral_per_s2), p.dead_band_m
         self._raising = Controller(*gains, band, (-p.lower_m_s, p.raise_m_s), self._period)
         self._leaning = Controller(*gains, band / self.kinematics.half, (-limit, limit), self._period)
-        self._knives.clear()
+        self._knife.clear()
         self._pose: Pose | None = None
         self._speed = 0.0
         heights = np.full(self._nodes, p.cutting_height_m)
@@ -336,7 +338,7 @@ class HeightControlHeader(KeepsState):
         self, t: int, dt: int, states: tuple[MachineState, ...], knife: Array, heights: Array
     ) -> CropFlow:
         lines = [state.pose.apply(knife)[::2, :2] for state in states]
-        taken = self._knives.cut(t, dt, lines, self._runs(heights))
+        taken = self._knife.cut(t, dt, lines, self._runs(heights))
         lost = taken.grain * self._loss_share()
         return changed(taken, grain=taken.grain - lost, lost_grain=lost)
 
@@ -346,15 +348,6 @@ class HeightControlHeader(KeepsState):
         cm = np.rint(100.0 * np.clip(mean, self._p.least_stubble_m, HIGHEST)).astype(int).tolist()
         starts = [i for i in range(len(cm)) if i == 0 or cm[i] != cm[i - 1]]
         return [(a, b, cm[a]) for a, b in pairwise([*starts, len(cm)])]
-
-    def save(self) -> State:
-        """Also where the knife was."""
-        return {**super().save(), "knives": self._knives.save(0)}
-
-    def load(self, state: State) -> None:
-        """Take on a state that `save` gave."""
-        super().load(state)
-        self._knives.load(0, state["knives"])
 
     def _loss_share(self) -> float:
         """Of the grain cut: in proportion to the speed, parabolic in the reel index."""

@@ -6,6 +6,7 @@ the drive's closed loop. Equations, signs and validation: docs/explanation/machi
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -18,10 +19,10 @@ from swath.core.schedule import NS
 from swath.core.together import Given, InWorlds, Samples
 from swath.core.units import DEG_PER_G, KMH, MS
 from swath.field.site_setup import SiteSetup
-from swath.kernels import Repeated, Rows, shared
+from swath.kernels import Repeated, Rows, filled, shared
 from swath.machine.attitude import TerrainFollower
 from swath.machine.loops import loop_of
-from swath.machine.machine_sheet import MachineSheet, dynamics_of, loaded
+from swath.machine.machine_sheet import MachineSheet, dynamics_of
 from swath.machine.motion import ON_SOIL
 from swath.machine.motion.on_ground import OnGround
 from swath.machine.on_soil import OnSoil, OnTyres, met_by, soil_of
@@ -36,8 +37,6 @@ from swath.signals import (
     MachineState,
     WheelState,
 )
-
-GRAIN_STEP = 1.0  # the mass follows the tank in steps of this [kg]
 
 
 @dataclass(frozen=True)
@@ -108,18 +107,21 @@ class SingleTrack(InWorlds):
         own = dynamics_of(self.machine).stiffness
         return self._stiffness[0] * front.side / own, self._stiffness[1] * rear.side / own
 
-    def weighed(self, grain: float) -> tuple[Traction, list[float]]:
-        """Of the driven wheels; the numbers of a `Car`, with grain [kg] in the tank of a sheet that has
-        one.
-        """
-        d, machine = dynamics_of(self.machine), self.machine
-        if grain > 0.0 and isinstance(machine, MachineSheet) and machine.masses is not None:
-            d = loaded(d, machine.masses.tank, grain)
-        ahead = self.sense * d.cg_behind
+    def numbers(self) -> tuple[Traction, list[float], list[float]]:
+        """Of the driven wheels, of a `Car`, both with an empty tank, and what weigh.cpp knows of that."""
+        d, machine, tank = dynamics_of(self.machine), self.machine, (0.0,) * 5
+        ahead, kind, thrust = self.sense * d.cg_behind, 0.0, inf
+        if isinstance(machine, MachineSheet) and machine.masses is not None:
+            t, thrust, kind = machine.masses.tank, machine.masses.thrust, 1.0 if self.soil is None else 2.0
+            area, spread = t.density * t.length * t.width, t.length**2 + t.width**2
+            tank = t.x, t.floor, area, spread, (d.cg_behind + t.x) ** 2
         wheels = d.front.radius, d.rear.radius, d.front.relaxation, d.rear.relaxation
         tyres = *self._stiffness, self._friction, self.rolling
         body = ahead, -machine.steered_x - ahead, d.mass, d.yaw_inertia, d.cg_height, machine.front_track
-        return traction_of(machine, d), [*body, *wheels, *tyres, self.sense, self.params.substep_ms * MS]
+        car = [*body, *wheels, *tyres, self.sense, self.params.substep_ms * MS]
+        wheelbase = 0.0 if machine.steers_ahead else machine.wheelbase
+        held = d.mass, d.cg_behind, d.cg_height, d.yaw_inertia, *tank, self.sense, machine.steered_x
+        return traction_of(machine, d), car, [kind, *held, wheelbase, thrust]
 
 
 class Cars(OnGround):
@@ -143,7 +145,8 @@ class Cars(OnGround):
             self._slips = np.zeros((2, n))  # forces of driven wheels over their load, slips for them
             given = [shared(self._slips[0]), self._firm.array, shared(self._slips[1])]
             self._slip_under = self.launch(kernel.slip_under, *given)
-        self._grain, self._again, self._sought = np.zeros(n), np.zeros(1, np.int32), np.zeros((n, 3))
+        self._again, self._sought, self._empties = np.zeros(1, np.int32), np.zeros((n, 3)), np.zeros((n, 14))
+        self._grain, self._before = np.zeros(n), np.zeros(n)  # carried now, and when soil gave way to it
         rows = [row.array for row in (self._cars, self.tracks, self.stands)]
         self.stand = self.launch(stand_cars, self.grounds, *rows, self.table)
 
@@ -159,8 +162,16 @@ class Cars(OnGround):
         self._drive = self.launch(kernel.drive, *given)
         if "load" not in self.given:
             return [self._drive]
-        weight = [self.column("load", "tank_grain"), shared(self._grain), GRAIN_STEP, needs]
-        return [self.launch(kernel.weigh, *weight), self._drive]
+        return [self._weigh(self.column("load", "tank_grain")), self._drive]
+
+    def _weigh(self, tank_grain: Any) -> Repeated:
+        """The launch that lets machines follow their tanks."""
+        from swath.machine.motion.single_track_step_kernel import Loading, weigh
+
+        rows = {"cars": self._cars, "tractions": self._tractions, "firm": self._firm, "tracks": self.tracks}
+        own = {"carried": self._grain, "needs": self.needs, "empties": self._empties}
+        arrays = {name: row.array for name, row in rows.items()}
+        return self.launch(weigh, filled(Loading, tank_grain=tank_grain, **own, **arrays))
 
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """Stand (or roll straight) at the start pose, tyres without slip, the tank empty."""
@@ -183,12 +194,12 @@ class Cars(OnGround):
         )
 
     def supply(self, stage: int) -> None:
-        """A tank that is another weight; ground that is not in memory."""
+        """Soil under a tank that is another weight; ground that is not in memory."""
         if stage == 0 and "load" in self.given:
-            grain = np.maximum(self.given["load"].arrays["tank_grain"], 0.0)
-            for world in np.flatnonzero(np.abs(grain - self._grain) >= GRAIN_STEP).tolist():
-                self._carry(world, float(grain[world]))
-            self.needs[0] = 0
+            for world, soil in self._soft:
+                if self._grain[world] != self._before[world]:
+                    self._give_way(world, soil)
+            self._before[:], self.needs[0] = self._grain, 0
         else:
             super().supply(stage)
 
@@ -231,22 +242,18 @@ class Cars(OnGround):
         found = super().with_trailers(t)
         return found if self.walks or t > 0 else self._with_wheels(found, np.zeros(self.worlds))
 
-    def _carry(self, world: int, grain: float) -> None:
-        """Follow the tank; the speed of the fixed axle and the turn rate go on."""
-        before = float(self._cars.of["ahead"][world])
-        self._fill(world, grain)
-        ahead, of = float(self._cars.of["ahead"][world]), self.tracks.of
-        of["side"][world] += (before - ahead) * of["turn"][world]
-
     def _fill(self, world: int, grain: float) -> None:
         """Grain [kg] in the tank."""
-        self._grain[world] = grain
-        traction, numbers = self.parts[world].weighed(grain)
+        traction, numbers, self._empties[world] = self.parts[world].numbers()
         for row in (self._tractions, self._firm):
             for column, number in zip(row.of.values(), (*traction, 0.0), strict=True):
                 column[world] = number
         for column, number in zip(self._cars.of.values(), numbers, strict=True):
             column[world] = number
+        self._before[:], self._grain[world] = self._grain, -inf
+        self._before[world] = grain
+        self._weigh(self._before).launch()
+        self.needs[0] = 0
         if (soil := self.parts[world].soil) is not None:
             self._give_way(world, soil)
 

@@ -1,7 +1,10 @@
 """A whole step of `single_track`, compiled: the loop of the drive, the tyres, the ground under them."""
 
+from pathlib import Path
+
 import warp as wp
 
+from swath.kernels import exact_code
 from swath.machine.attitude_kernel import Ground, Stand, Track, stood, tell, turned
 from swath.machine.drive_kernel import Loop, Traction, Wheels, rolled
 from swath.machine.motion.single_track_kernel import ONE, Car, Drive, Moment, held, integrated
@@ -10,17 +13,28 @@ wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 real = wp.float64
 
 
+@wp.struct
+class Loading:
+    """Machines that carry what is in their tanks, see weigh.cpp."""
+
+    tank_grain: wp.array(dtype=wp.float64)
+    carried: wp.array(dtype=wp.float64)
+    needs: wp.array(dtype=int)
+    empties: wp.array2d(dtype=wp.float64)
+    cars: wp.array(dtype=Car)
+    tractions: wp.array(dtype=Traction)
+    firm: wp.array(dtype=Traction)
+    tracks: wp.array(dtype=Track)
+
+
+@wp.func_native(exact_code(Path(__file__).parent / "weigh.cpp"))
+def weigh_car(w: int, its: Loading): ...
+
+
 @wp.kernel
-def weigh(
-    tank_grain: wp.array(dtype=wp.float64),
-    carried: wp.array(dtype=wp.float64),
-    step: wp.float64,
-    needs: wp.array(dtype=int),
-):
-    """needs: 1 where the grain [kg] in a tank is no longer what a machine carries, but for a step."""
-    w = wp.tid()
-    if wp.abs(wp.max(tank_grain[w], real(0.0)) - carried[w]) >= step:
-        needs[0] = 1
+def weigh(its: Loading):
+    """One world a thread."""
+    weigh_car(wp.tid(), its)
 
 
 @wp.kernel

@@ -6,12 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swath.core.component import State
 from swath.core.errors import SwathError
 from swath.core.together import KeepsRows
 from swath.field.field import Field
 from swath.kernels import Repeated, filled, over_rows
-from swath.machine.sweep import POLYGON, Corners, FieldTasks
+from swath.machine.sweep import POLYGON, Corners, FieldTasks, OneWorld
 
 
 class Outlet(NamedTuple):
@@ -68,11 +67,12 @@ class Outlets(KeepsRows):
         self._fields[world].deposit_straw(polygon, mass, heading=None if isnan(heading) else heading)
 
 
-class StrawOutlet:
+class StrawOutlet(OneWorld):
     """The outlet of one world, see `Outlet`."""
 
     def __init__(self, *outlet: Any) -> None:
         self._all, self._pose = Outlets([Outlet(*outlet)]), np.zeros((1, 12))
+        super().__init__(self._all)
         given = {"active": np.ones(1, np.bool_), "poses": self._pose}
         self._launches = self._all.launches(np.zeros(1, np.int32), **given)
 
@@ -87,11 +87,3 @@ class StrawOutlet:
             launch.launch()
         for error in self._all.lay_rest().values():
             raise error
-
-    def save(self) -> State:
-        """What is loose, and from where on."""
-        return self._all.save(0)
-
-    def load(self, state: State) -> None:
-        """Take on a state that `save` gave."""
-        self._all.load(0, state)
