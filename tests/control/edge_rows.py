@@ -5,11 +5,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swath.control.edge.detectors import Detectors
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
 from swath.control.edge.profile import TOLERANCE
-from swath.control.edge.report_rows import EDGE, FEET
 from tests.control.closed_loop import setup_of
 from tests.control.synthetic_edge import mounting
+
+
+class Reports(Detectors):
+    """Detectors whose report is launched by its stages."""
+
+    def __init__(self, parts):
+        super().__init__(parts)
+        self.feet_of, self.edge_of, self.all_of = (each.launch for each in self.reports())
+
+    def edge(self):
+        """What the first one told."""
+        return self.sent["edge"].of(0)
+
 
 RAMP = ("ramp_chance", "ramp", "ramp_sd")
 
@@ -17,8 +30,7 @@ RAMP = ("ramp_chance", "ramp", "ramp_sd")
 def reports_of(*, usual=0.0, rows=0.0, view=None, **params):
     """Of a detector whose edge was begun, on its left."""
     setup = replace(setup_of("right", 0.04, mounting("right")), crop_height=usual, row_spacing=rows)
-    made = LikelihoodRatio(Params(**params), setup, view)._reports
-    made.compile()
+    made = Reports([LikelihoodRatio(Params(**params), setup, view)])
     made.blocks["is_begun"] = made.blocks["agreed"] = 1.0
     made.steps["missing"] = np.nan
     return made
@@ -30,11 +42,11 @@ def see(reports, points, at=(0.0, 0.0, 0.0), **block):
     block: numbers of its row
     """
     for name, value in block.items():
-        reports.blocks[name] = value
+        (reports.ground if name.startswith("plane") else reports.blocks)[name] = value
     reports.learn(0, reports.blocks[0].tolist()[:-2], np.asarray(points), ())
     for name, value in zip(("x", "u", "heading"), at, strict=True):
         reports.steps[name] = value
-    reports.launch(FEET)
+    reports.feet_of()
     return reports.feet[0]
 
 
@@ -83,7 +95,7 @@ class Overhang:
 
         known: deviation of all else [m]
         """
-        self._reports.blocks["crop"], self._reports.blocks["plane_sd"] = crop, crop_sd
+        self._reports.blocks["crop"], self._reports.ground["plane_sd"] = crop, crop_sd
         self._reports.feet["dense"] = stopped
         for name, value in zip(RAMP, ramp, strict=True):
             self._reports.feet[name] = value
@@ -100,5 +112,5 @@ class Overhang:
         line = {"x": reports.detectors["reference"][0], "u": canopy, "offset_sd": known}
         for name in reports.lines.dtype.names:
             reports.lines[name] = line.get(name, 0.0)
-        reports.launch(EDGE)
-        return reports.edges.of(0)
+        reports.edge_of()
+        return reports.edge()

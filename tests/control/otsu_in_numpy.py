@@ -11,7 +11,7 @@ import numpy as np
 
 from swath.control.edge.feet.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.otsu import Params, footprint
-from swath.control.edge.profile import crop_sign, finite, no_edge
+from swath.control.edge.profile import crop_sign
 from swath.control.inclination import CRAB, Inclination
 from swath.core import portable
 from swath.core.component import Inputs, KeepsState, Outputs, Port
@@ -51,6 +51,16 @@ class Reach:
     far: float = 25.0
     low: float = -1.5
     high: float = 2.2
+
+
+def finite(value):
+    """A measured value, zero where there is none."""
+    return float(value) if np.isfinite(value) else 0.0
+
+
+def no_edge(t, reference):
+    """No edge at t [ns]; one would be reported at the reference [m]."""
+    return CropEdge(t, np.nan, np.nan, 0.0, reference, 0.0, np.nan, np.nan)
 
 
 def make_profile(

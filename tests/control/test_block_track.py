@@ -1,15 +1,14 @@
 """Where a track of blocks begins, and how wide it looks: far scanners, rolling ground, bends, dust."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from swath.control.edge.block_track import FIRST, LONGEST, BlockTrack, Search
 from swath.control.edge.blocks import Block, _added, find_edge
 from swath.control.edge.canopy_classes import AIR, CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, NOTHING
-from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
+from swath.control.edge.canopy_rays import EdgeFrame
 from swath.signals import Scan
+from tests.control.canopy_scans import Canopy, add, answers, lay
 from tests.control.synthetic_edge import mounting
 from tests.control.test_likelihood_ratio import SPEED, drive
 
@@ -27,9 +26,7 @@ def rays(edge, top, lost, rng, count=120, swallowed=(0.0, 0.0)):
     kind = np.where(rng.uniform(size=count) < lost, NOTHING, layer)
     kind[(beside > edge + swallowed[0]) & (beside < edge + swallowed[1])] = DUST
     cells = np.floor((beside + HALF) / CELL).astype(np.int64) * CLASSES + kind
-    none = np.full(count, np.nan)
-    stands = np.ones(len(cells), bool)
-    return RayAnswers(cells, stands, none, 0.4 * count, count, none, np.isfinite(none), none, none)
+    return answers(cells)
 
 
 def follow(edges, seed, *, tops=(0.85,), lost=0.0, swallowed=()):
@@ -45,13 +42,15 @@ def follow(edges, seed, *, tops=(0.85,), lost=0.0, swallowed=()):
         for n in range(SCANS):
             at, arc = (TRAVEL * (SCANS * k + n), 0.0, 0.0), track.track.arc
             frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
-            track.add(rays(edge - frame.u, top, lost, rng, swallowed=strip[k]), TRAVEL, frame, at, 0.0)
+            scan = rays(edge - frame.u, top, lost, rng, swallowed=strip[k])
+            add(track, scan, TRAVEL, frame, at, along=0.4 * 120, near=120)
         followed.append(track.followed)
     return track, followed
 
 
 def rays_along(way, frame, at, rng, count=240):
-    """Rays of a machine at x [m]: their middle lies 9 m ahead of it, the wall that they show 1.2 m farther.
+    """(rays of a machine at x [m], sum of their places along): their middle lies 9 m ahead of it, the wall
+    that they show 1.2 m farther.
 
     way: (x) -> u of the edge [m]
     """
@@ -59,9 +58,9 @@ def rays_along(way, frame, at, rng, count=240):
     middle, wall = (c * (at + d - x) + s * (way(at + d) - u) for d in (9.0, 10.2))
     edge = c * (way(at + 10.2) - u) - s * (at + 10.2 - x) - 0.5 * frame.bend * wall**2
     seen = rays(edge, 0.85, 0.0, rng, count)
-    beside = CELL * (seen.cells // CLASSES) - HALF
-    ahead = np.where(beside > edge, wall + 0.3 * rng.standard_normal(count), np.nan)
-    return replace(seen, along=middle * count, ahead=ahead)
+    beside = CELL * (seen["cell"] // CLASSES) - HALF
+    seen["ahead"] = np.where(beside > edge, wall + 0.3 * rng.standard_normal(count), np.nan)
+    return seen, middle * count
 
 
 @pytest.mark.parametrize("radius", [15.0, 20.0])
@@ -71,7 +70,8 @@ def test_the_begin_of_a_bend_away_from_the_crop_lies_at_its_wall(radius):
     for at in TRAVEL * np.arange(150):
         arc = track.track.arc
         frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(at, 0.0, 0.0)
-        track.add(rays_along(way, frame, float(at), rng), TRAVEL, frame, (float(at), 0.0, 0.0), 0.0)
+        scan, along = rays_along(way, frame, float(at), rng)
+        add(track, scan, TRAVEL, frame, (float(at), 0.0, 0.0), along=along, near=240)
     x, u = track.points.rows[:, :2].T
     beside = (u - [way(v) for v in x])[(x > begin) & (x < begin + 2.0)]
     assert len(beside) >= 4
@@ -120,7 +120,7 @@ def test_dust_to_one_side_of_the_edge_only_says_where_it_is_not(seed):
     width = rng.uniform(0.15, 0.26)
     ratios = follow([0.0] * 20, seed)[0].populations.ratios()
     for _ in range(SCANS):
-        block.add(rays(0.0, 0.85, 0.0, rng, swallowed=(-width, 0.0)), TRAVEL)
+        lay(block, rays(0.0, 0.85, 0.0, rng, swallowed=(-width, 0.0)), TRAVEL)
     alone, known = (find_edge(block, ratios, 0.28, variance) for variance in (np.inf, 0.02**2))
     assert alone.beside == pytest.approx(-0.5 * width, abs=0.03)
     assert abs(known.beside) < 0.5 * abs(alone.beside)
@@ -170,16 +170,17 @@ def search(populations, seed, *, blocks=20, turning=0.0, rays=60):
 
     populations: of places beside the way (n,), shares of classes (n, CLASSES); turning: of it [rad/m]
     """
-    track, rng, none = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed), np.full(rays, np.nan)
+    track, rng = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed)
     for n in range(blocks * SCANS):
         place = rng.uniform(-3.0, 3.0, rays)
         drawn = rng.uniform(size=(rays, 1))
         kind = np.minimum((np.cumsum(populations(place), axis=1) < drawn).sum(axis=1), CLASSES - 1)
         cells = np.floor((place + HALF) / CELL).astype(np.int64) * CLASSES + kind
         stands = rng.uniform(size=rays) < 0.5
-        answers = RayAnswers(cells, stands, none, 0.0, rays, none, stands, place, place)
+        scan = answers(cells, stands=stands, upper=place, lower=place)
         travel = TRAVEL * (n + 1)
-        track.add(answers, TRAVEL, EdgeFrame(9.0, 0.0, 0.0, 0.0), (travel, 0.0, turning * travel), 0.0)
+        at = travel, 0.0, turning * travel
+        add(track, scan, TRAVEL, EdgeFrame(9.0, 0.0, 0.0, 0.0), at, near=rays, solid=stands)
         if track.track.arc is not None:
             return track, travel
     return track, np.nan
@@ -216,17 +217,18 @@ def test_one_population_never_begins_an_edge_however_far_it_is_driven(seed):
     for population in faint(rng):
         track, travel = search(lambda beside, of=population: np.tile(of, (len(beside), 1)), seed, blocks=40)
         assert np.isnan(travel)
-        assert len(track.save()["scans"]) <= (LONGEST + 2.0 * TRAVEL) / TRAVEL  # and nothing piles up
+        assert (
+            len(set(track.save()["block"]["rays"]["scan"])) <= (LONGEST + 2.0 * TRAVEL) / TRAVEL
+        )  # and nothing piles up
 
 
 def test_an_echo_of_the_air_at_the_scanner_says_that_nothing_answered():
     """At 0.7 to 1.5 m no crop stands: in fog and behind a dirty window beams that meet none answer there."""
     azimuth, ranges = np.linspace(-1.0, 1.0, 41), np.random.default_rng(1).uniform(0.7, 1.49, (41, 1))
-    rays, ground, frame = CanopyRays(mounting(), 1.0), Ground(), EdgeFrame(9.0, 0.0, 0.0, 0.0)
     level, ones = np.zeros(41), np.ones((41, 1), np.float32)
-    scan = Scan(1, level, azimuth, level, ranges.astype(np.float32), ones)
-    rays.take(scan, (2.0, 0.0), frame, ground, -3.5, -0.25)
-    answers = rays.answers(ground, 0.0, 0.85, (0.0, 0.0))
-    assert len(answers.cells) > 5
-    assert set((answers.cells % CLASSES).tolist()) == {AIR}
-    assert np.isnan(answers.height).all()
+    rays = Canopy(mounting(), centre=9.0)
+    rays.take(Scan(1, level, azimuth, level, ranges.astype(np.float32), ones), speed=2.0)
+    counted = rays.block.answers[rays.block.answers["cell"] >= 0.0]
+    assert len(counted) > 5
+    assert set((counted["cell"] % CLASSES).tolist()) == {AIR}
+    assert np.isnan(counted["height"]).all()

@@ -6,7 +6,6 @@ import pytest
 from swath.control.edge.arc_track import Arc, ArcTrack
 from swath.control.edge.blocks import Found
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
-from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.line.edge_breaks import EdgeBreaks
 from swath.control.edge.line.edge_wall import (
     EVEN,
@@ -19,6 +18,7 @@ from swath.control.edge.line.edge_wall import (
 )
 from swath.control.edge.line.near_line import EdgePoints
 from swath.signals import Odometry
+from tests.control.canopy_scans import answers
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_likelihood_ratio import PERIOD, SPEED, detector, drive
 
@@ -28,17 +28,15 @@ SLIPS = 0.977  # speed that is measured over that which is driven
 
 def echoes(beside, ahead):
     cells = np.floor((np.asarray(beside) + HALF) / CELL).astype(np.int64) * CLASSES
-    none = np.zeros(0)
-    solid = np.ones(len(cells), bool)
-    return RayAnswers(cells, solid, np.asarray(ahead, dtype=float), 0.0, 0, none, none > 0.0, none, none)
+    return answers(cells, ahead=ahead)
 
 
 def test_the_wall_is_where_the_outermost_crop_stops_rays():
     scan = echoes([0.1, 0.11, 0.2, 0.25, 0.9, -0.6], [1.0, 2.0, 3.0, 2.0, 9.0, np.nan])
-    wall = wall_of([scan], 0.1, 2.0)
+    wall = wall_of(scan, 0.1, 2.0)
     assert wall.along == pytest.approx(2.0)
     assert wall.variance == pytest.approx(2.0 * 0.5 / 4)
-    assert np.isnan(wall_of([scan], -0.6, 2.0).along)
+    assert np.isnan(wall_of(scan, -0.6, 2.0).along)
 
 
 def test_a_block_lies_at_its_wall_where_the_edge_turns_away():

@@ -4,12 +4,50 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import warp as wp
 
-from swath.control.edge.ground_profile import GroundProfile
+from swath.control.edge.detector_kernel import Memory, go_over
+from swath.kernels import of_worlds, repeatable
+from tests.control.canopy_scans import Canopy
+from tests.control.synthetic_edge import mounting
+
+wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
 BASE, TRACK, STEP = 3.9, 3.0, 0.1  # m: axles apart, wheels apart, travel from scan to scan
 X, U, SLOPE = 12.0, -5.0, 0.25  # m, m: where the stubble is seen; of a hillside
 USUAL = 0.15, 0.1  # m: stubble that the driver expects, and its standard deviation
+
+
+@wp.kernel(enable_backward=False)
+def go(memories: wp.array(dtype=Memory)):
+    go_over(memories[0])
+
+
+class Profile(Canopy):
+    """The ground as `go_over` knows it. flat: how far it rises is asked over so many metres"""
+
+    def __init__(self, flat=0.0):
+        super().__init__(mounting(), base=BASE, usual=USUAL, flat=flat)
+        self.row_of_track["height"], self.held = 1.0, [self.memory()]
+        self.go = repeatable(go, [of_worlds(Memory, self.held)]).launch
+
+    def over(self, travel, seen, rise):
+        row = self.row
+        row["travel"], row["is_known"], row["is_seen"] = travel, True, seen is not None
+        self.step["is_sure"] = rise is not None
+        if seen is not None:
+            row["middle_x"], row["edge_u"], row["level"], row["slope"] = seen
+        if rise is not None:
+            self.step["ahead"], self.step["rise"] = rise
+        self.go()
+
+    @property
+    def stubble(self):
+        return self.ground["plane"]
+
+    @property
+    def stubble_sd(self):
+        return self.ground["plane_sd"]
 
 
 @dataclass
@@ -50,11 +88,11 @@ def drawn(seed):
     return Ground(rng, length, height, rng.uniform(-SLOPE, SLOPE))
 
 
-def driven(ground, far, *, has_unit):
-    profile, off = GroundProfile(BASE, USUAL), 0.005 * ground.rng.standard_normal(2)
+def driven(ground, far, *, has_unit, flat=0.0):
+    profile, off = Profile(flat), 0.005 * ground.rng.standard_normal(2)
     for k in range(round(far / STEP)):
         felt = np.array(ground.machine(k * STEP)) + off + 0.002 * ground.rng.standard_normal(2)
-        profile.take(STEP, ground.seen(k * STEP), tuple(felt) if has_unit else None)
+        profile.over(STEP, ground.seen(k * STEP), tuple(felt) if has_unit else None)
     return profile
 
 
@@ -88,21 +126,21 @@ def test_level_ground_is_known_soon():
 def test_the_rise_of_the_ground_between_crop_and_stubble(seed):
     ground = drawn(seed)
     ground.turn = 0.0
-    profile = driven(ground, 25.0, has_unit=True)
+    profile = driven(ground, 25.0, has_unit=True, flat=3.0)
     at, (ahead, _) = 25.0 - STEP, ground.machine(25.0 - STEP)
     rise = (ground.z(at + X, 0.0) - ground.z(at + X - 3.0, 0.0)) / 3.0 - ahead
-    assert profile.grade(X - 3.0, X) == pytest.approx(rise, abs=0.035)
+    assert profile.row["grade"] == pytest.approx(rise, abs=0.035)
 
 
 def test_where_nothing_is_seen_nothing_is_learned():
     """Dust for 30 m: the stubble is as unknown as before, and the next look counts again."""
     ground = drawn(4)
-    profile = GroundProfile(BASE, USUAL)
+    profile = Profile()
     for k in range(300):
-        profile.take(STEP, None, ground.machine(k * STEP))
+        profile.over(STEP, None, ground.machine(k * STEP))
     assert profile.stubble_sd == pytest.approx(USUAL[1], rel=0.1)
     for k in range(300, 500):
-        profile.take(STEP, ground.seen(k * STEP), ground.machine(k * STEP))
+        profile.over(STEP, ground.seen(k * STEP), ground.machine(k * STEP))
     assert profile.stubble == pytest.approx(ground.stubble, abs=0.04)
 
 
@@ -111,8 +149,8 @@ def test_a_mirrored_field_is_mirrored():
     ground, told = drawn(3), []
     looks = [(ground.seen(k * STEP), ground.machine(k * STEP)) for k in range(150)]
     for sign in (1.0, -1.0):
-        profile = GroundProfile(BASE, USUAL)
+        profile = Profile()
         for (x, u, level, slope), (ahead, aside) in looks:
-            profile.take(STEP, (x, sign * u, level, sign * slope), (ahead, sign * aside))
+            profile.over(STEP, (x, sign * u, level, sign * slope), (ahead, sign * aside))
         told.append((profile.stubble, profile.stubble_sd))
     assert told[0] == told[1]

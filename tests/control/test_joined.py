@@ -91,6 +91,7 @@ def test_what_one_does_not_see_the_other_says():
 def test_a_saved_one_goes_on():
     one, other = Joined(each(), setup()), Joined(each(), setup())
     drive(one, {"left": 6.0, "right": 6.0}, metres=5.0)
+    other.reset(Stream(1, "edge"))
     other.load(one.save())
     scanner, rng = Scanner(Stand(lambda x, y: 6.0 - y), mounting("left")), np.random.default_rng(3)
     for k in range(63, 90):

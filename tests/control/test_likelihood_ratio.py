@@ -22,18 +22,17 @@ from swath.control.edge.canopy_classes import (
     PLACES,
     ROOM,
 )
-from swath.control.edge.canopy_rays import CanopyRays, EdgeFrame, Ground, RayAnswers
-from swath.control.edge.edge_report import EdgeReports
+from swath.control.edge.canopy_rays import EdgeFrame
 from swath.control.edge.feet.canopy_feet import CanopyFeet
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
 from swath.control.edge.populations import Populations
-from swath.control.edge.report_rows import ALL
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.signals import Odometry, Scan
+from tests.control.canopy_scans import Canopy, add, answers
 from tests.control.closed_loop import Course, setup_of
 from tests.control.edge_drive import PERIOD, SPEED, along
-from tests.control.edge_rows import reports_of, see, straight
+from tests.control.edge_rows import Reports, reports_of, see, straight
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_edge_hostile import check, odometry, scans, stamped
 
@@ -162,13 +161,13 @@ def test_what_may_lie_aside_turns_no_track():
 @pytest.mark.parametrize(("then", "level"), [(1.7, 0.1), (-1.7, -1.7)])
 def test_puffs_are_no_ground_but_a_hollow_is(then, level):
     """Echoes far above or below the machine's ground plane, after stubble of 10 cm: beams 40 deg down."""
-    rays, ground = CanopyRays(Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)), 1.0), Ground()
+    canopy = Canopy(Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)))
     azimuth, down = np.linspace(-1.1, -0.2, 40), np.full(40, -np.radians(40.0))
-    for height in (0.1, 0.1, then, then):
+    for t, height in enumerate((0.1, 0.1, then, then)):
         far = np.full((40, 1), (3.0 - height) / np.sin(np.radians(40.0)), np.float32)
-        scan = Scan(0, np.zeros(40), azimuth, down, far, np.ones((40, 1), np.float32))
-        rays.take(scan, (0.0, 0.0), EdgeFrame(0.0, 0.0, 0.0, 0.0), ground, *Ground.OUTSIDE)
-    assert ground.level == pytest.approx(level, abs=0.03)
+        scan = Scan(t + 1, np.zeros(40), azimuth, down, far, np.ones((40, 1), np.float32))
+        canopy.take(scan)
+    assert canopy.row["level"] == pytest.approx(level, abs=0.03)
 
 
 @pytest.mark.parametrize(("comes_again", "height"), [(0.03, 0.83), (0.4, 2.0)])
@@ -398,7 +397,7 @@ def test_crop_that_rises_is_seen_from_before_it():
         frame = EdgeFrame(10.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
         for _ in range(5):
             at = (at[0] + 0.1, 0.0, 0.0)
-            track.add(answers(rng, top), 0.1, frame, at, 0.0)
+            add(track, rays(rng, top), 0.1, frame, at, near=240)
         followed.append(track.followed)
     assert followed[:4] == [0] * 4
     assert followed[-1] >= 3
@@ -413,7 +412,8 @@ def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust():
         arc = track.track.arc
         frame = EdgeFrame(10.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
         at = (at[0] + 0.1, 0.0, 0.0)
-        track.add(answers(rng, 2.0, 1.45, highest=HEADROOM * track.height + ROOM), 0.1, frame, at, 0.0)
+        scan = rays(rng, 2.0, 1.45, highest=HEADROOM * track.height + ROOM)
+        add(track, scan, 0.1, frame, at, near=240)
     assert track.followed >= 3
     assert track.height == pytest.approx(1.95, abs=0.1)
 
@@ -421,14 +421,14 @@ def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust():
 def test_puffs_above_the_crop_make_no_tall_crop():
     track, rng, low = BlockTrack(Search(spread=1.5, forget=9.0)), np.random.default_rng(7), []
     for k in range(12):
-        scan = answers(rng, 0.8)
-        scan.height[:20], scan.stands[:20] = rng.uniform(1.0, 2.5, 20), False
-        track.add(scan, 0.1, EdgeFrame(10.0, 0.0, 0.0, 0.0), (0.1 * k, 0.0, 0.0), 0.0)
+        scan = rays(rng, 0.8)
+        scan["height"][:20], scan["stands"][:20] = rng.uniform(1.0, 2.5, 20), False
+        add(track, scan, 0.1, EdgeFrame(10.0, 0.0, 0.0, 0.0), (0.1 * k, 0.0, 0.0), near=240)
         low.append(track.height)
     assert max(low) < 0.9
 
 
-def answers(rng, top, bottom=0.1, *, highest=np.inf):
+def rays(rng, top, bottom=0.1, *, highest=np.inf):
     """240 rays: echoes from `bottom` to a crop's top [m] on one side, those of stubble on the other; what is
     above `highest` counts as dust
     """
@@ -437,8 +437,7 @@ def answers(rng, top, bottom=0.1, *, highest=np.inf):
     layer = np.clip((height - LOWEST) / LAYER, 0, LAYERS - 1).astype(np.int64)
     layer[height > highest] = DUST
     cells = np.clip((place + HALF) / CELL, 0, PLACES - 1).astype(np.int64) * CLASSES + layer
-    stands = np.ones(240, bool)
-    return RayAnswers(cells, stands, np.full(240, np.nan), 0.0, 240, height, stands.copy(), place, place)
+    return answers(cells, height=height, stands=True, upper=place, lower=place)
 
 
 @pytest.mark.parametrize("bias", [0.4, -0.4])
@@ -503,11 +502,11 @@ def test_reports_of_worlds_in_step_are_those_of_each():
         place = rng.uniform(0.0, 12.0), rng.uniform(-3.0, 3.0), 0.1
         see(one, straight(rng.uniform(8.0, 16.0)), place, is_begun=float(k != 2), **made)
         each.append(one)
-    both = EdgeReports(len(each))
+    both = Reports([one.parts[0] for one in each])
     for k, one in enumerate(each):
         both.rows[k], both.points[k] = one.rows[0], one.points[0]
-        one.launch(ALL)
-    both.launch(ALL)
-    told = [one.edges.of(0) for one in each]
+        one.all_of()
+    both.all_of()
+    told = [one.edge() for one in each]
     assert 3 < sum(edge.is_found for edge in told) < 8
-    assert repr(both.edges.each()) == repr(told)
+    assert repr(both.sent["edge"].each()) == repr(told)

@@ -2,15 +2,26 @@
 
 import numpy as np
 
-from swath.control.edge.silent_beams import WINDOW, SilentBeams
+from swath.core.packed_state import pack, unpack
+from swath.signals import Scan
+from tests.control.canopy_scans import Canopy
+from tests.control.synthetic_edge import mounting
+
+WINDOW = 50  # as of silent_beams.cpp
+
+
+def look(rays, has_echo):
+    """A scan whose beams came back or not; which of them count as dead after it."""
+    count = len(has_echo)
+    level, ranges = np.zeros(count), np.where(has_echo, 5.0, np.nan)[:, None].astype(np.float32)
+    rays.take(Scan(int(rays.step["scan_t"]) + 1, level, level, level, ranges, np.ones_like(ranges)))
+    return np.flatnonzero(rays.save()["beams"]["is_dead"]).tolist()
 
 
 def after(echoes, scans=WINDOW):
     """Which beams count as dead after so many scans; echoes: (share of scans) per beam."""
-    beams, rng = SilentBeams(), np.random.default_rng(2)
-    for _ in range(scans):
-        beams.take(rng.uniform(size=len(echoes)) < echoes)
-    return np.flatnonzero(beams.is_dead).tolist()
+    rays, rng = Canopy(mounting()), np.random.default_rng(2)
+    return [look(rays, rng.uniform(size=len(echoes)) < echoes) for _ in range(scans)][-1]
 
 
 def test_silent_beams_among_answering_ones_are_dead():
@@ -27,12 +38,10 @@ def test_dust_and_sky_swallow_neighbours_too():
 
 
 def test_a_beam_that_answers_again_counts_again():
-    beams, echo = SilentBeams(), np.ones(9, bool)
+    rays, echo = Canopy(mounting()), np.ones(9, bool)
     echo[4] = False
-    told = [beams.take(echo) for _ in range(WINDOW)]
-    assert told == [False] * (WINDOW - 1) + [True]
-    assert beams.is_dead.sum() == 1
-    other = SilentBeams()
-    other.load(beams.save())
-    assert [other.take(np.ones(9, bool)) for _ in range(WINDOW)][-1]
-    assert not other.is_dead.any()
+    told = [look(rays, echo) for _ in range(WINDOW)]
+    assert told == [[]] * (WINDOW - 1) + [[4]]
+    other = Canopy(mounting())
+    other.load(unpack(pack(rays.save())))
+    assert [look(other, np.ones(9, bool)) for _ in range(WINDOW)] == [[4]] * (WINDOW - 1) + [[]]

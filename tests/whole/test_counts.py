@@ -20,7 +20,7 @@ from benchmarks.counts import (
     in_a_process,
 )
 
-BOUNDS = {BYTECODES: 380_700, CALLS: 12_920, WALKS: 81, STEPS: 25, SUPPLIES: 4}
+BOUNDS = {BYTECODES: 217_800, CALLS: 7_270, WALKS: 20, STEPS: 0, SUPPLIES: 17}
 SPARE = 1.002  # versions of numpy and Warp differ in their own Python; estimated
 STARTS = {  # command line -> bytecodes, modules
     "--help": (84_900, 100), "run --help": (63_600, 30), "walk": (15_000, 27), "": (5_740, 27),

@@ -11,8 +11,8 @@ import numpy as np
 
 from swath.control.edge.arc_track import KEPT, SAME, Arc, ArcTrack
 from swath.control.edge.blocks import EDGES, Block, Found, find_edge, split
-from swath.control.edge.canopy_classes import HEADROOM, LAYER, ROOM
-from swath.control.edge.canopy_rays import EdgeFrame, RayAnswers
+from swath.control.edge.canopy_classes import BLOCK, HEADROOM, LAYER, ROOM
+from swath.control.edge.canopy_rays import EdgeFrame
 from swath.control.edge.feet.canopy_feet import CanopyFeet
 from swath.control.edge.feet.lodging import DENSE, Lodging
 from swath.control.edge.line.broken_line import carried_on
@@ -26,7 +26,7 @@ from swath.control.edge.profile import EVENLY
 from swath.core.component import KeepsState
 from swath.signals import F64
 
-BLOCK, LONGEST = 0.4, 1.2  # m of travel of a block, and of one that says little
+LONGEST = 1.2  # m of travel of a block that says little
 FIRST = 4.0  # m of travel whose rays add up while there is no edge: so far one is straight, estimated
 BEGIN_GAIN = 20.0  # nat of two populations over one, at first
 GATE, WIDENING = 0.28, 0.025  # m, 1/m: + WIDENING times the square of the distance unseen
@@ -78,13 +78,13 @@ class BlockTrack(KeepsState):
 
     kept = (
         "track", "points", "populations", "feet", "height", "agreed", "scatter", "blank", "followed",
-        "_block", "_scans", "_is_broken", "_scatters", "_lost", "bite", "turn_sd", "_breaks", "_lodging",
+        "block", "_is_broken", "_scatters", "_lost", "bite", "turn_sd", "_breaks", "_lodging",
         "jagged", "_bends", "_walls", "_headed",
     )  # fmt: skip
 
-    def __init__(self, search: Search) -> None:
-        self._search = search
-        self.track, self.points, self._block = ArcTrack(), EdgePoints(), Block()
+    def __init__(self, search: Search, block: Block | None = None) -> None:
+        self._search, self.block = search, block or Block()
+        self.track, self.points = ArcTrack(), EdgePoints()
         self.populations, self.feet = Populations(), CanopyFeet(search.spacing)
         self._breaks, self._lodging, self.jagged = EdgeBreaks(), Lodging(), JaggedWall()
         self._walls = WallsBehind()
@@ -92,13 +92,12 @@ class BlockTrack(KeepsState):
 
     def clear(self) -> None:
         """Nothing seen."""
-        for part in (self.track, self.points, self._block, self.populations, self.feet):
+        for part in (self.track, self.points, self.block, self.populations, self.feet):
             part.clear()
         self._breaks.clear()
         self._lodging.clear()
         self.jagged.clear()
         self._walls.clear()
-        self._scans: list[RayAnswers] = []
         self._headed = 0.0  # heading where the block began [rad]
         self.height, self.agreed, self.scatter = HEIGHT, 0.0, 0.0
         self.blank, self.followed = 0.0, 0
@@ -107,47 +106,35 @@ class BlockTrack(KeepsState):
         self._scatters: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
         self.bite, self.turn_sd = 0.0, 0.0
         self._bends = float("-inf")  # distance along the edge [m] before which it says nothing of bites
-        self._lost: tuple[Arc, float] | None = None  # the track before, and how far back it was lost [m]
+        self._lost: Arc | None = None  # the track before
 
-    def add(
-        self,
-        rays: RayAnswers,
-        travel: float,
-        frame: EdgeFrame,
-        at: tuple[float, float, float],
-        stubble: float,
-    ) -> bool:
-        """The rays of a scan in the edge's frame, as the machine sees it from `at` x, u [m], heading [rad].
+    def add(self, frame: EdgeFrame, at: tuple[float, float, float], stubble: float) -> None:
+        """The newest scan is in the block, where the edge's frame lies as the machine sees it now.
 
-        stubble: height of its plane over the ground [m]. True where they made a block, which was looked at
+        at: x, u [m] and heading [rad] of the machine; stubble: height of its plane over the ground [m]
         """
-        self._block.add(rays, travel)
-        self._scans.append(rays)
-        if self._lost is not None:
-            self._lost = self._lost[0], self._lost[1] + travel
-        if self._block.travel < BLOCK:
-            return False
+        if self.block.travel < BLOCK:
+            return
         self._lodging.stubble = stubble
         if self.track.arc is None and self._is_taller():
             is_done = True
         elif self.track.arc is None:
             is_done = self._begin(frame, at)
-            if self._block.travel > LONGEST and not is_done:
+            if self.block.travel > LONGEST and not is_done:
                 is_done = abs(at[2] - self._headed) > PARALLEL
-                self._block.fade(min(1.0, FIRST / self._block.travel))
-                del self._scans[0]
+                self.block.fade(min(1.0, FIRST / self.block.travel))
         elif self.followed < YOUNG and self._is_front():
             is_done = self._begin_anew(frame, at)
         else:
             is_done = self._go_on(self.track.arc, frame, at)
         if is_done:
-            self._block.clear()
-            self._scans, self._headed = [], at[2]
-        return True
+            self.block.clear()
+            self._headed = at[2]
 
     def _is_taller(self) -> bool:
         """Most of an unseen crop stands higher than it was taken to: it counts up to there now."""
-        echoes = np.concatenate([scan.height[scan.stands] for scan in self._scans])
+        rays = self.block.answers
+        echoes = rays["height"][rays["stands"] > 0.0]
         echoes = echoes[echoes > TALL * self.height]
         if len(echoes) < MANY or np.median(echoes) < HEADROOM * self.height:
             return False
@@ -157,17 +144,17 @@ class BlockTrack(KeepsState):
 
     def _begin(self, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """Look for two populations anywhere near the header end."""
-        place, gain, crop, stubble = split(self._block, 0.0, self._search.spread)
+        place, gain, crop, stubble = split(self.block, 0.0, self._search.spread)
         is_edge = gain > BEGIN_GAIN and overlap_of(crop, stubble) < MOST_ALIKE
         if not (is_edge and crop_excess(crop, stubble) > MORE_CROP):
             return False
         if self._is_another(frame, place, at):
             return False
         self._lost = None
-        self.populations.begin(self._block.sides(place))
+        self.populations.begin(self.block.sides(place))
         self.height = self._crop_height()
         c, s = float(np.cos(frame.angle)), float(np.sin(frame.angle))
-        along = self._block.along
+        along = self.block.along
         x, u = frame.x + c * along - s * place, frame.u + s * along + c * place
         c, s = float(np.cos(at[2])), float(np.sin(at[2]))
         self.points.clear()
@@ -184,20 +171,20 @@ class BlockTrack(KeepsState):
 
     def _is_front(self) -> bool:
         """The crop rises from block to block: what is seen is its front, from a headland before it."""
-        now = self.populations.height_of(self._block.sides(0.0)[0])
+        now = self.populations.height_of(self.block.sides(0.0)[0])
         return now > self.height + RISES
 
     def _is_another(self, frame: EdgeFrame, place: float, at: tuple[float, float, float]) -> bool:
         """An edge that lies beside the line just lost is not that edge, but the far wall of a hole."""
-        if self._lost is None or self._lost[1] > RELIC_M:
+        if self._lost is None or self.block.of("lost") > RELIC_M:
             return False
-        old = self._lost[0].frame(*at)
-        beside = frame.u + place - old.u - (frame.x + self._block.along - old.x) * tan(old.angle)
+        old = self._lost.frame(*at)
+        beside = frame.u + place - old.u - (frame.x + self.block.along - old.x) * tan(old.angle)
         return abs(old.angle) < TURNED and abs(beside) > ELSEWHERE
 
     def _go_on(self, arc: Arc, frame: EdgeFrame, at: tuple[float, float, float]) -> bool:
         """A block is full: where is its edge? False when it needs more rays."""
-        block, heading = self._block, at[2]
+        block, heading = self.block, at[2]
         ratios = self._ratios()
         found = self._find(arc, ratios)
         wide = self._step_out(found, arc, heading, ratios)
@@ -210,7 +197,7 @@ class BlockTrack(KeepsState):
             return False
         self.followed += 1
         self.populations.move(block.travel)
-        angle, wall = arc.angle - heading, wall_of(self._scans, found.beside, block.alike)
+        angle, wall = arc.angle - heading, wall_of(block.answers, found.beside, block.alike)
         along = place_along(wall, self._middle, angle)
         is_blind = found.blank > EVENLY * BLURRED or found.variance > BROAD**2  # it may lie anywhere there
         swing = self._lodging.swing(block, found.beside, self.populations, angle)
@@ -232,16 +219,16 @@ class BlockTrack(KeepsState):
         """The edge of the block within the gate, which shall not cut off what the block says."""
         bites, row = self.bite + OUT if self.bite > 0.0 else 0.0, self.feet.spacing
         gate = min(WIDEST, max(GATE + WIDENING * arc.unseen**2, bites)) + row  # where rows end it steps
-        haze, known = self._block.haze, inf
+        haze, known = self.block.haze, inf
         if haze[np.abs(EDGES[:-1]) <= BROAD].any():
-            known = float(arc.ahead(self._block.travel).covariance[0, 0]) + self._noise
-        found = find_edge(self._block, ratios, gate, known)
+            known = float(arc.ahead(self.block.travel).covariance[0, 0]) + self._noise
+        found = find_edge(self.block, ratios, gate, known)
         is_cut_off = found.variance > BLURRED**2 and found.lead < LEAD and gate < BROAD
-        return find_edge(self._block, ratios, BROAD, known) if is_cut_off else found
+        return find_edge(self.block, ratios, BROAD, known) if is_cut_off else found
 
     def _ratios(self) -> F64:
         """Of the classes, as `find_edge` takes them: dust is as thick in the crop as it is above it."""
-        haze = self._block.haze
+        haze = self.block.haze
         above = max(self._search.view - HEADROOM * self.height - ROOM, LEAST_ABOVE)
         return self.populations.ratios(haze * LAYER / above if haze.any() else None)
 
@@ -250,7 +237,7 @@ class BlockTrack(KeepsState):
         is_used = self.followed >= YOUNG and arc.unseen < 1.0 and self.bite == 0.0 and not self.feet.spacing
         if not (is_used and abs(arc.angle - heading) < ALONG):
             return None
-        return self._breaks.step_out(found, self._block, ratios)
+        return self._breaks.step_out(found, self.block, ratios)
 
     def _is_hole(self, found: Found, arc: Arc) -> bool:
         is_even = self.agreed > USED and self.bite == 0.0
@@ -259,13 +246,13 @@ class BlockTrack(KeepsState):
     @property
     def _middle(self) -> float:
         """Middle of the block's rays along the track [m]."""
-        return self._block.along if isfinite(self._block.along) else self._block.travel
+        return self.block.along if isfinite(self.block.along) else self.block.travel
 
     def _accept(self, found: Found, along: float, heading: float, wall: Wall) -> None:
         self._breaks.fits(found.beside)
-        self._lodging.stands(self._block, found.beside, self.populations)
+        self._lodging.stands(self.block, found.beside, self.populations)
         if abs(found.beside) < LEARNED:
-            self.populations.add(self._block.sides(found.beside))
+            self.populations.add(self.block.sides(found.beside))
         self.track.advance(along)
         edge = self.track.arc
         assert edge is not None
@@ -275,22 +262,21 @@ class BlockTrack(KeepsState):
             self.points.found_again(edge.distance)
             own = float(edge.covariance[0, 0])
         is_dense, was_broken = self.populations.heights()[2] > DENSE, self._is_broken
-        self._is_broken = is_dense and is_sunken(self._block, found, self.height)
-        self.blank += min(1.0, self._block.travel / RAGGED_M) * (found.blank - self.blank)
+        self._is_broken = is_dense and is_sunken(self.block, found, self.height)
+        self.blank += min(1.0, self.block.travel / RAGGED_M) * (found.blank - self.blank)
         self._scatters.append((edge.distance, self.scatter, self.jagged.variance))
         more = max(0.0, found.beside**2 - found.variance - own)
-        self.scatter += min(1.0, self._block.travel / RAGGED_M) * (more - self.scatter)
+        self.scatter += min(1.0, self.block.travel / RAGGED_M) * (more - self.scatter)
         self.track.accept(found.beside, found.variance + noise)
         angle = edge.angle - heading
         if not (was_broken or self._is_broken):
-            self.jagged.add(wall, self._middle, angle, self._block.travel)
+            self.jagged.add(wall, self._middle, angle, self.block.travel)
         if is_dense and not self.feet.spacing and isfinite(wall.along) and self.followed >= YOUNG:
             self._walls.add(edge.distance, edge.angle, wall.along - along)
         self._smooth(heading)
         self._turn_away()
         self.agreed += 0.2 * (1.0 - self.agreed)
-        seen = self._block.counts, found.beside, self._block.travel
-        self.feet.learn(self._scans, *seen, self.height, angle, edge.angle)
+        self.feet.learn(self.block, found.beside, self.height, angle, edge.angle)
 
     @property
     def _noise(self) -> float:
@@ -302,7 +288,7 @@ class BlockTrack(KeepsState):
         arc = self.track.arc
         assert arc is not None
         rows = self.points.rows[self.points.rows[:, DISTANCE] >= self._bends]
-        bite = max(bite_of(rows, arc), self.bite * (1.0 - self._block.travel / FADING))
+        bite = max(bite_of(rows, arc), self.bite * (1.0 - self.block.travel / FADING))
         is_known = self.bite > 0.0 and bite > SHALLOW
         angle = abs(arc.angle - heading)
         deep = max(DEEP, 0.5 * self.feet.spacing)  # of rows, whole ones are missing or none
@@ -352,7 +338,7 @@ class BlockTrack(KeepsState):
         arc = self.track.arc
         beside = LONG if self._breaks.inner.is_seen else 0.0
         if arc is not None and arc.unseen > self._search.forget + beside:
-            self._lost = arc, 0.0
+            self._lost, self.block.row["lost"] = arc, 0.0
             self.track.clear()
 
     def _follow_inner(self, found: Found, *, is_inside: bool) -> None:
@@ -402,13 +388,13 @@ class BlockTrack(KeepsState):
         self.track.advance(along)
         assert self.track.arc is not None
         unseen, doubt = self.track.arc.unseen, (DOUBT * swing) ** 2
-        top = lodging.first_metre(self._block, found.beside, self.populations)
+        top = lodging.first_metre(self.block, found.beside, self.populations)
         if found.gain >= LEAST_GAIN and isfinite(top):  # of flat crop, what stands out is the wall behind it
             # the tops of all lie off alike: together worth one
             self.track.accept(found.beside, lodging.blocks * doubt + found.variance, turns=False)
         arc = self.track.arc
         self.points.add(arc.x, arc.u, doubt, arc.distance)
-        self.populations.add(FLAT * self._block.sides(0.0))
+        self.populations.add(FLAT * self.block.sides(0.0))
         self.track.arc = replace(arc, unseen=min(unseen, 0.5 * self._search.forget))
 
     def _crop_height(self) -> float:

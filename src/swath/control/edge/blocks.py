@@ -5,12 +5,14 @@ Many rays together show an edge that no single scan shows: at 30 stems/m2 one ra
 
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.control.edge.canopy_classes import AIR, CELL, CLASSES, DUST, HALF, LAYERS, NOTHING, PLACES
-from swath.control.edge.canopy_rays import RayAnswers
-from swath.control.edge.profile import Clears
+from swath.control.edge.detector_rows import ANSWER, ROWS
+from swath.core.component import State
 from swath.core.portable import exp, log, product
 from swath.signals import F64
 
@@ -27,45 +29,83 @@ _MERGED = np.array([0, *range(8, LAYERS, 2), DUST, NOTHING, AIR])
 _WITHIN = slice(round((HALF - WINDOW) / CELL), round((HALF + WINDOW) / CELL) + 1)
 
 
-class Block(Clears):
-    """Counts (PLACES, CLASSES) of rays beside a frame, and how far along it they lie.
+ROOM = 20  # scans for which there is room at first, estimated
 
-    solid: of the same, echoes that were there a scan before
+
+class Block:
+    """Counts (PLACES, CLASSES) of rays beside a frame, and how far along it they lie: see answer_rays.cpp.
+
+    solid: of the same, echoes that were there a scan before; row: as of `detector_rows`; rays: the memory
+    of `answers`
     """
 
-    kept = ("counts", "solid", "travel", "_along", "_rays", "_scans")
+    def __init__(self, row: NDArray[Any] | None = None) -> None:
+        self.row = np.zeros(1, ROWS["counted"]) if row is None else row
+        self.rays = np.zeros(0, ANSWER)
+        self.counts: F64 = np.zeros((PLACES, CLASSES))
+        self.solid: F64 = np.zeros((PLACES, CLASSES))
 
     def clear(self) -> None:
         """No rays."""
-        self.counts: F64 = np.zeros((PLACES, CLASSES))
-        self.solid: F64 = np.zeros((PLACES, CLASSES))
-        self.travel = 0.0
-        self._along, self._rays, self._scans = 0.0, 0.0, 0.0
+        lost = self.of("lost")
+        self.counts[:] = self.solid[:] = 0.0
+        self.row[:] = 0
+        self.row["lost"] = lost
 
-    def add(self, rays: RayAnswers, travel: float) -> None:
-        """The rays of one scan, and the way driven since the one before [m]."""
-        self.travel, self._scans = self.travel + travel, self._scans + 1
-        np.add.at(self.counts.reshape(-1), rays.cells, 1.0)
-        np.add.at(self.solid.reshape(-1), rays.cells[rays.solid], 1.0)
-        self._along += rays.along
-        self._rays += rays.close
+    def make_room(self, beams: int) -> bool:
+        """Have room for one more scan of so many beams; whether its memory is another now."""
+        held = int(self.of("rays"))
+        is_short = held + beams > len(self.rays)
+        if is_short:
+            self.rays = np.concatenate([self.rays[:held], np.zeros(max(held, ROOM * beams), ANSWER)])
+        return is_short
+
+    @property
+    def answers(self) -> NDArray[Any]:
+        """What the rays of its scans say, of ANSWER."""
+        return self.rays[: int(self.of("rays"))]
 
     def fade(self, share: float) -> None:
-        """All that it holds counts that much."""
+        """All that it holds counts that much; what the rays of its first scan say is left out."""
         self.counts *= share
         self.solid *= share
-        self.travel *= share
-        self._along, self._rays, self._scans = self._along * share, self._rays * share, self._scans * share
+        for name in ("travel", "along", "near", "scans"):
+            self.row[name] *= share
+        left = self.answers[self.answers["scan"] > self.of("first")]
+        self.rays[: len(left)] = left
+        self.row["rays"] = len(left)
+        self.row["first"] += 1.0
+
+    def save(self) -> State:
+        """Everything that is needed to go on exactly."""
+        kept = {"row": self.row, "counts": self.counts, "solid": self.solid, "rays": self.answers}
+        return {name: own.copy() for name, own in kept.items()}
+
+    def load(self, state: State) -> None:
+        """Take on a state that `save` gave; its memory is another then."""
+        for name in ("row", "counts", "solid"):
+            getattr(self, name)[:] = state[name]
+        self.rays = state["rays"].copy()
+
+    def of(self, name: str) -> float:
+        """A number of its row."""
+        return float(self.row[name][0])
+
+    @property
+    def travel(self) -> float:
+        """From its begin [m]."""
+        return self.of("travel")
 
     @property
     def along(self) -> float:
         """Mean place of its rays along the frame [m]."""
-        return self._along / self._rays if self._rays else float("nan")
+        near = self.of("near")
+        return self.of("along") / near if near else float("nan")
 
     @property
     def alike(self) -> float:
         """Rays per independent ray: successive scans see the same stems."""
-        return max(1.0, self._scans / max(1.0, self.travel / ALIKE))
+        return max(1.0, self.of("scans") / max(1.0, self.travel / ALIKE))
 
     @property
     def haze(self) -> F64:

@@ -3,28 +3,22 @@
 A ray says one thing at one place. Where it was stopped, crop stands somewhere on its way from the top of the
 canopy to its echo; where it went on, none stands between the top and the lower limit. Either is evidence at
 that end of the way that lies deeper in the crop, less a part of a mean free path. The rays are followed in
-compiled code (`canopy_kernel`).
+compiled code (`detector_kernel`), over memory that is here.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, sin
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swath.control.edge.canopy_classes import GROUND_REACH, GROUND_SPREAD
-from swath.control.edge.profile import Clears
-from swath.control.edge.silent_beams import SilentBeams
-from swath.core.component import KeepsState, State
+from swath.control.edge.blocks import Block
+from swath.control.edge.detector_rows import BEAM, RAY
+from swath.control.edge.ground_profile import CELL, SETTLES, STUBBLE, unseen
+from swath.core.component import State
 from swath.core.frames import Pose
-from swath.core.packed_state import saved_type
-from swath.kernels import Row, filled, repeatable, shared, start_warp
-from swath.signals import F64, Scan, beam_directions
-
-FEW, MANY = 5, 20  # echoes near the plane before; so many elsewhere show that it was wrong
-STEEP = 0.3  # slope of the plane at most
-RELAX = 0.98  # part of the plane that is kept from scan to scan where the stubble sends no echoes
+from swath.kernels import filled
+from swath.signals import F64, beam_directions
 
 
 @dataclass(frozen=True)
@@ -37,242 +31,83 @@ class EdgeFrame:
     bend: float
 
 
-@saved_type()
-@dataclass(frozen=True)
-class RayAnswers:
-    """What the rays of a scan say.
+class CanopyRays:
+    """The rays of one scanner.
 
-    cells: place and class of those that count, flat index of (PLACES, CLASSES)
-    solid: which of them stand as they did in the scan before, and do not hang in the air
-    along: sum of the places along the edge ahead of the frame's origin of `close` rays near it [m]
-    ahead: of the same, echoes in the canopy along the edge ahead of the frame's origin [m], else nan
-    height: of the echo above the stubble side [m], nan = none
-    stands: as `solid`
-    upper, lower: beside the edge at the crop's top and at the lower limit [m]; of every ray that falls, (n,)
-    rise: of upright plants toward the crop, by which places were moved to the feet, per height [1]
-    across: angle at which the rays to the edge cross it, > 0 into the crop [rad]
+    mounting: pose_machine_sensor; usual: height of the stubble that the driver expects, and its standard
+    deviation [m]; row: (1,) of ROW; block: what they are counted in
     """
 
-    cells: NDArray[np.int64]
-    solid: NDArray[np.bool_]
-    ahead: F64
-    along: float
-    close: int
-    height: F64
-    stands: NDArray[np.bool_]
-    upper: F64
-    lower: F64
-    rise: float = 0.0
-    across: float = 0.0
-
-
-class Ground(Clears):
-    """The stubble side as a plane across the line of travel: z = level + slope (u - u0) [m].
-
-    Weighted least squares on the echoes beside the edge; those far from the plane, weeds and straw, hardly
-    count. The plane before is the prior, so that dust and gaps leave it.
-
-    middle: x and u - u0 of the echoes near it [m], None where the last scan showed too few
-    """
-
-    kept = ("level", "slope", "is_known", "middle")
-
-    OUTSIDE = (-3.5, -0.25)  # m beside the edge
-    WORTH, FIRST_WORTH = (6.0, 60.0), (2.0, 2.0)  # echoes, and their m2, that the plane before is worth
+    def __init__(self, mounting: Pose, usual: tuple[float, float], row: NDArray[Any], block: Block) -> None:
+        self._mounting, self._usual, self._row, self.block = mounting, usual, row, block
+        self._canopy, self._beams = row["canopy"], np.zeros(0, BEAM)
+        self._mean, self._covariance = unseen(int(row["detector"]["cells"][0]), usual)
 
     def clear(self) -> None:
-        """Take the ground as level with the machine."""
-        self.level, self.slope, self.is_known = 0.0, 0.0, False
-        self.middle: tuple[float, float] | None = None
+        """Nothing seen; all beams count again."""
+        self._beams["before"] = np.nan
+        self._mean[:], self._covariance[:] = unseen(int(self._row["detector"]["cells"][0]), self._usual)
+        own, ground, beams = self._canopy, self._row["ground"], len(self._beams)
+        own[:] = 0
+        own["beams"], own["cell_travel"] = beams, CELL - SETTLES
+        own["chance"] = share = 1.0 / own["chance"].shape[1]
+        stubble, variance = self._mean[:, STUBBLE], self._covariance[:, STUBBLE, STUBBLE]
+        ground["plane"] = (share * stubble).sum()
+        ground["plane_sd"] = np.sqrt((share * ((stubble - ground["plane"]) ** 2 + variance)).sum())
 
-    def take(self, x: F64, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
-        """Echoes of the stubble side, u from the edge [m], `close` of them near the plane before.
+    def seen(self) -> tuple[EdgeFrame, tuple[float, float, float]]:
+        """Where the edge was expected in the newest scan; x, u [m], heading [rad] of the machine then."""
+        own, step = self._canopy[0], self._row["step"][0]
+        edge = EdgeFrame(*(float(own[f"edge_{name}"]) for name in ("x", "u", "angle", "bend")))
+        return edge, (float(step["x"]), float(step["u"]), float(step["heading"]))
 
-        fitted: the plane (level, slope) through these, the one before being known
-        """
-        self._renew(u, z, fitted, close)
-        near = np.abs(z - self.level - self.slope * u) < GROUND_SPREAD
-        is_seen = self.is_known and np.count_nonzero(near) >= FEW
-        self.middle = (float(x[near].mean()), float(u[near].mean())) if is_seen else None
+    def aim(self, azimuth: F64, elevation: F64, beam_t: F64) -> bool:
+        """Angles [rad] and times [s] of the beams from now on; whether `memory` is another now."""
+        with np.errstate(invalid="ignore"):
+            directions = self._mounting.turn(beam_directions(azimuth, elevation))
+        count = len(beam_t)
+        is_longer = self._make_room(count) | self.block.make_room(count)
+        self._beams["aim"][:count] = directions
+        self._beams["ago"][:count] = np.clip(np.nan_to_num(beam_t), -0.5, 0.0)
+        self._canopy["beams"] = count
+        return is_longer
 
-    def _renew(self, u: F64, z: F64, fitted: tuple[float, float], close: int) -> None:
-        if close < FEW and len(z) >= MANY:
-            self.clear()
-            self.level = float(np.percentile(z, 25.0))
-        elif close < FEW:
-            self.level, self.slope = RELAX * self.level, RELAX * self.slope
-            if close == 0 or not self.is_known:
-                return
-        elif self.is_known:
-            self._set(*fitted)
-            return
-        self._set(*self._fit(u, z))
+    def _make_room(self, beams: int) -> bool:
+        more = np.zeros(max(beams - len(self._beams), 0), BEAM)
+        more["before"] = np.nan
+        if len(more):
+            self._beams = np.concatenate([self._beams, more])
+        return len(more) > 0
 
-    def _set(self, level: float, slope: float) -> None:
-        self.level, self.slope, self.is_known = level, min(max(slope, -STEEP), STEEP), True
+    def make_room(self) -> bool:
+        """Let the block have room for one more scan; whether its memory is another now."""
+        return self.block.make_room(int(self._canopy["beams"][0]))
 
-    def _fit(self, u: F64, z: F64) -> tuple[float, float]:
-        near = np.abs(z - self.level) < GROUND_REACH
-        if not near.any():
-            return self.level, self.slope
-        middle = float(u[near].mean())
-        u, z = u[near] - middle, z[near]
-        prior, steep = self.WORTH if self.is_known else self.FIRST_WORTH
-        level, slope, spreads = self.level + self.slope * middle, self.slope, 2 * [GROUND_SPREAD]
-        if not self.is_known:
-            level = float(np.median(z))
-            spreads.insert(0, GROUND_REACH)  # any slope, then the nearest plane
-        before = level
-        for spread in spreads:
-            weight = 1.0 / (1.0 + ((z - level - slope * u) / spread) ** 2) ** 2
-            s0, s1, s2 = (float(v.sum()) for v in (weight, weight * u, weight * u * u))
-            s0, s2 = s0 + prior, s2 + steep
-            b0 = float((weight * z).sum()) + prior * before
-            b1 = float((weight * u * z).sum()) + steep * self.slope
-            det = s0 * s2 - s1**2
-            level, slope = (s2 * b0 - s1 * b1) / det, (s0 * b1 - s1 * b0) / det
-            if spread == GROUND_REACH:
-                level = before = float(np.percentile(z - slope * u, 25.0))
-        return level - slope * middle, slope
+    def memory(self) -> Any:
+        """A struct with all of it, for kernels."""
+        from swath.control.edge.detector_kernel import Memory
 
+        own = {"row": self._row, "beams": self._beams, "answers": self.block.rays}
+        own |= {"counts": self.block.counts, "solid": self.block.solid, "mean": self._mean}
+        flat = {name: array.view(np.float64).reshape(-1) for name, array in own.items()}
+        size = max(4 * len(self._beams), 5 * self._mean.shape[1])
+        scratch = np.zeros((RAY.itemsize // 8 + 3) * len(self._beams) + size)
+        return filled(Memory, scratch=scratch, covariance=self._covariance.reshape(-1), **flat)
 
-class CanopyRays(KeepsState):
-    """The rays of one scanner. mounting: pose_machine_sensor; sign: > 0 where the crop is on the left.
-
-    silent: beams that are left out
-    """
-
-    kept = ("silent", "_seen")
-
-    def __init__(self, mounting: Pose, sign: float) -> None:
-        self._mounting, self._sign = mounting, sign
-        self.silent = SilentBeams()
-        self._beams: tuple[Any, ...] = ()
-        self._good: Any = None
-        self._count, self._room = 0, -1
-        self._across = 0.0
-        self._before: F64 = np.zeros(0)  # ranges in the last scan of the beams that fall [m], nan = no echo
-
-    def clear(self) -> None:
-        """Let all beams count again."""
-        self.silent.clear()
-        self._beams = ()
-        self._before[:] = np.nan
-
-    @property
-    def _seen(self) -> F64:
-        return self._before.copy()
-
-    @_seen.setter
-    def _seen(self, seen: F64) -> None:
-        if len(seen) > len(self._before):
-            self._compile(len(seen))
-        self._before[: len(seen)] = seen
+    def save(self) -> State:
+        """Everything that is needed to go on exactly; where the beams go is not."""
+        kept = {"mean": self._mean, "covariance": self._covariance, "beams": self._beams}
+        kept |= {"canopy": self._canopy, "ground": self._row["ground"]}
+        return {name: array.copy() for name, array in kept.items()}
 
     def load(self, state: State) -> None:
-        """Take on a state that `save` gave."""
-        super().load(state)
-        self._beams = ()
-
-    def take(
-        self,
-        scan: Scan,
-        motion: tuple[float, float],
-        frame: EdgeFrame,
-        ground: Ground,
-        low: float,
-        high: float,
-    ) -> None:
-        """Follow the beams of a scan, each from its own time, and renew the ground.
-
-        motion: speed [m/s], turn rate [rad/s] > 0 toward the crop; frame: where the edge is expected
-        low, high: of what lies on the stubble side, beside the edge [m]
-        """
-        if scan.ranges.size and self.silent.take(scan.ranges[:, 0] > 0.0):
-            self._beams = ()
-        self._point(scan)
-        if scan.ranges.size:
-            ranges = scan.ranges[:, 0]
-            self._ranges[: self._count] = ranges if self._good is None else ranges[self._good]
-        else:
-            self._ranges[: self._count] = np.nan
-        speed, yaw_rate = motion
-        arc = frame.x, frame.u, cos(frame.angle), sin(frame.angle), frame.bend
-        plane = ground.level, ground.slope, *Ground.WORTH
-        turning = self._sign, *self._mounting.position.tolist()
-        self._way.write(self._count, speed, yaw_rate, *turning, *arc, low, high, *plane)
-        self._trace()
-        x, y, _ = self._mounting.position.tolist()
-        self._across = atan2(frame.u - self._sign * y, frame.x - x) - frame.angle
-        falling, beside, close = self._counts.tolist()
-        self._falling = falling
-        level, slope = self._plane.tolist()
-        ground.take(self._x[:beside], self._u[:beside], self._z[:beside], (level, slope), close)
-
-    def answers(
-        self, ground: Ground, grade: float, crop_height: float, rise: tuple[float, float]
-    ) -> RayAnswers:
-        """Class and place of every ray of the scan taken last.
-
-        grade: by which the stubble rises ahead [1]; crop_height [m]; rise: how far a plant's top stands ahead
-        and toward the crop of its foot, per height [1]: places are those of the feet
-        """
-        n = self._falling
-        x = ground.middle[0] if ground.middle is not None else 0.0
-        self._crop.write(n, ground.level, ground.slope, x, grade, crop_height, *rise)
-        self._answer()
-        counted, close, _ = self._counts.tolist()
-        height, upper, lower = (column[:n].copy() for column in self._columns)
-        cells, ahead = self._cells[:counted].copy(), self._ahead[:counted].copy()
-        along, solid, stands = float(self._along[0]), self._solid[:counted] > 0, self._stands[:n] > 0
-        return RayAnswers(
-            cells, solid, ahead, along, close, height, stands, upper, lower, rise[1], self._across
-        )
-
-    def _point(self, scan: Scan) -> None:
-        """Directions in the machine frame and times of the beams, where they are not those before."""
-        beams = scan.azimuth, scan.elevation, scan.beam_t
-        if len(self._beams) == 3 and all(a is b for a, b in zip(beams, self._beams, strict=True)):
-            return
-        self._beams = beams
-        good = np.isfinite(scan.azimuth) & np.isfinite(scan.elevation)
-        if len(self.silent.is_dead) == len(good):
-            good &= ~self.silent.is_dead
-        self._count = int(np.count_nonzero(good))
-        self._good = None if self._count == len(good) else good
-        if self._count > self._room:
-            self._compile(self._count)
-        aim = self._mounting.turn(beam_directions(scan.azimuth[good], scan.elevation[good]))
-        self._directions[: self._count] = aim
-        self._ago[: self._count] = np.clip(np.nan_to_num(scan.beam_t[good]), -0.5, 0.0)
-
-    def _compile(self, room: int) -> None:
-        """Launches over memory for so many beams."""
-        from swath.control.edge import canopy_kernel as kernel
-
-        self._room = room
-        self._way, self._crop = Row(kernel.Way), Row(kernel.Canopy)
-        self._directions, start, aim = (np.zeros((room, 3)) for _ in range(3))
-        self._ago, self._ranges, distance, self._x, self._u, self._z = (np.zeros(room) for _ in range(6))
-        self._columns = tuple(np.zeros(room) for _ in range(3))
-        self._cells, self._solid, self._ahead = (
-            np.zeros(room, np.int64),
-            np.zeros(room, np.int32),
-            np.zeros(room),
-        )
-        self._before, self._stands = np.full(room, np.nan), np.zeros(room, np.int32)
-        self._counts = np.zeros(3, np.int32)
-        self._plane, self._along = np.zeros(2), np.zeros(1)
-        seen = {"before": self._before, "stands": self._stands, "x": self._x, "u": self._u, "z": self._z}
-        rays = filled(kernel.Traced, start=start, aim=aim, distance=distance, **seen)
-        columns = dict(zip(("height", "upper", "lower"), self._columns, strict=True))
-        answers = filled(kernel.Answers, cell=self._cells, solid=self._solid, ahead=self._ahead, **columns)
-
-        directions = shared(self._directions, start_warp().vec3d)
-        ago, ranges, plane, along, counts = (
-            shared(a) for a in (self._ago, self._ranges, self._plane, self._along, self._counts)
-        )
-        inputs = [self._way.array, directions, ago, ranges, rays, plane, counts]
-        self._trace = repeatable(kernel.trace, inputs).launch
-        inputs = [self._way.array, self._crop.array, rays, answers, along, counts]
-        self._answer = repeatable(kernel.answer, inputs).launch
+        """Take on a state that `save` gave; `memory` is another then."""
+        count, beams = float(self._canopy["beams"][0]), state["beams"]
+        self._mean[:], self._covariance[:] = state["mean"], state["covariance"]
+        self._canopy[:], self._row["ground"][:] = state["canopy"], state["ground"]
+        self._canopy["beams"] = count
+        self._make_room(len(beams))
+        self._beams["before"] = np.nan
+        for name in ("before", "echoes", "is_dead"):
+            self._beams[name][: len(beams)] = beams[name]
+        self.make_room()

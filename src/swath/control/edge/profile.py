@@ -1,14 +1,13 @@
-"""What detectors share: the side of the crop, and that there is no edge.
+"""What detectors share: the side of the crop.
 
 Detectors work in (x, u, z): x forward, u TOWARD THE CROP, z up from the machine's ground plane. With the edge
 at the left header end the crop lies to the right, so u = -y; with the edge at the right end u = +y. All later
 arithmetic is the same for both sides, so left and right give mirrored results exactly.
 """
 
-from math import isfinite, sqrt
+from math import sqrt
 
 from swath.core.component import KeepsState
-from swath.signals import CropEdge
 
 EVENLY = sqrt(12.0)  # width of an even spread over its standard deviation
 TOLERANCE = 0.10  # m, of the confidence
@@ -31,14 +30,3 @@ class Clears(KeepsState):
 def crop_sign(edge_side: str) -> float:
     """+1 when the crop lies to the left of the edge (y grows into it), -1 when it lies to the right."""
     return -1.0 if edge_side == "left" else 1.0
-
-
-def finite(value: float) -> float:
-    """A measured value, zero where there is none."""
-    return float(value) if isfinite(value) else 0.0
-
-
-def no_edge(t: int, reference: float) -> CropEdge:
-    """The sample that says there is no edge at t [ns]. reference: where one would be reported [m]."""
-    nan = float("nan")
-    return CropEdge(t, nan, nan, 0.0, reference, 0.0, nan, nan)

@@ -4,9 +4,7 @@
 // or to the foot of the ramp of one that leans away from the edge, and then to where the stand's height, what the header cuts
 // and other scanners say that they are. Stage FEET finds what has to be known of the first two, stage EDGE the rest.
 //
-// Stage DRIVE is the way of a scan: the place of a step moves by its seconds.
-//
-// In: points of the edge. In and out: a row of report_rows.py. Out: edge, a row of `CropEdge`.
+// In: points of the edge. In and out: a row of detector_rows.py. Out: edge, a row of `CropEdge`.
 
 // Bites and swing: of the scatter beyond that of an even edge, which is so much of the crop's height. Of what the wall lies to
 // and fro along the edge: bites behind what stands out. Of the depth of bites: the edge lies 0.76 of it further in than the
@@ -47,12 +45,8 @@ auto canopy = [&](D x, D steep) {  // where its edge lies aside at a place ahead
 };
 
 constexpr D OLD = 0.15, LATE = 0.4;  // s: age of the newest scan from which on an edge is less sure, and is none
-const D age = (s.now - s.scan_t) / 1e9, seconds = stage == DRIVE ? s.seconds : age;
-// along the heading, and aside by crab, the side slip of the fixed axle per side force in g
-const D crab = d.crab * (s.rise + d.sign * s.speed * s.yaw_rate / GRAVITY);
-const D course = s.heading + 0.5 * s.yaw_rate * seconds - d.sign * crab, travel = s.speed * seconds;
-const Frame here{s.x + travel * ::cos(course), s.u + travel * ::sin(course), s.heading + s.yaw_rate * seconds};
-if (stage == DRIVE) s.x = here.x, s.u = here.u, s.heading = here.angle;
+const D age = (s.now - s.scan_t) / 1e9;
+const Frame here = moved(d, s, age);
 
 if (stage & FEET) f.is_found = b.is_begun > 0.0 && age <= LATE && b.points >= 2.0;
 if (stage & FEET && f.is_found > 0.0) {
@@ -85,7 +79,7 @@ if (stage & FEET && f.is_found > 0.0) {
     const D all = share * square(one.sd) + rest * square(other.sd) + apart;
     return Mode{1.0, share * one.place + rest * other.place, __builtin_sqrt(all)};
   };
-  const D crop = b.crop + b.plane;
+  const D crop = b.crop + q.ground.plane;
   Mode upright{0.0, 0.0, 0.0}, ramp{0.0, 0.0, 0.0};
   if (b.height > 0.0) {
     const D clean = within(0.0, (DUSTY - b.dust) / (DUSTY - CLEAR), 1.0);
@@ -110,14 +104,14 @@ if (stage & EDGE) {
   reported = {none, none, 0.0, d.reference, 0.0, none, none, none, none, none, false, none, 0.0};
   if (f.is_found > 0.0) {
     const D steep = larger(::cos(line.angle), LEAST_COS), knife = along() + (d.knife - line.x);
-    const D crop = b.crop + b.plane, place = canopy(d.reference, steep);
+    const D crop = b.crop + q.ground.plane, place = canopy(d.reference, steep);
     if (s.missing < HOLES_M && shows(knife, OVER_M)) {
       const D keep = ::exp(-s.travel / CUT_M);
       s.cut_way = keep * s.cut_way + s.travel;
       s.cut_missing = keep * s.cut_missing + s.travel * s.missing;
       s.cut_beside = keep * s.cut_beside + s.travel * (canopy(d.knife, steep) + f.shift / steep - d.centre);
     }
-    fill(crop, b.plane_sd, f.dense, {f.ramp_chance, f.ramp, f.ramp_sd});
+    fill(crop, q.ground.plane_sd, f.dense, {f.ramp_chance, f.ramp, f.ramp_sd});
     const D all = sum(hangs, PLACES);
     int inside = 0;  // places
     for (int k = 0; k < PLACES; ++k) hangs[k] /= all, inside += !(place_of(k) > TOLERANCE);
@@ -144,13 +138,13 @@ if (stage & EDGE) {
     sure = sure * smaller(1.0, b.agreed / 0.8);
     // the wall behind a hole is seen from over it: rays on their way down from the canopy's top to the lower limit are stopped
     // by it; a block lies in the middle of that way
-    if (is_smooth || !__builtin_isfinite(crop) || !shows(along(), d.early * crop + 0.5 * BLOCK_M))
+    if (is_smooth || !__builtin_isfinite(crop) || !shows(along(), d.early * crop + 0.5 * BLOCK))
       sure = smaller(sure, UNSURE), sd = larger(sd, HELD);
     sure = smaller(larger(sure, LEAST_SURE), 1.0);
     auto aside = [&](const Mode& m) { return d.sign * (place + (f.shift + m.place) / steep); };
     const D share = smaller((LATE - age) / (LATE - OLD), 1.0), aged = share >= 1.0 ? sure : larger(share * sure, LEAST_SURE);
-    const D ends = d.reference + (line.seen_to + 0.5 * BLOCK_M) * steep, aside_too = other.chance > 0.0 ? aside(other) : none;
-    reported = {aside(likely), d.sign * line.angle, d.sign * line.bend, d.reference, aged, crop, b.stubble + b.plane, sd,
+    const D ends = d.reference + (line.seen_to + 0.5 * BLOCK) * steep, aside_too = other.chance > 0.0 ? aside(other) : none;
+    reported = {aside(likely), d.sign * line.angle, d.sign * line.bend, d.reference, aged, crop, b.stubble + q.ground.plane, sd,
                 line.angle_sd, ends, line.gap > 1.0, aside_too, other.chance};
   }
 }

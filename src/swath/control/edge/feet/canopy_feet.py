@@ -5,15 +5,13 @@ The edge of a row crop lies half a spacing out of its last row. Its tops stand o
 uppermost layers come at a period of the spacing, whose phase is where the rows are.
 """
 
-from collections.abc import Sequence
 from math import cos, exp, pi, sin
 
 import numpy as np
 
 from swath.control.edge.blocks import ALIKE as ALONE
-from swath.control.edge.blocks import WINDOW
+from swath.control.edge.blocks import WINDOW, Block
 from swath.control.edge.canopy_classes import CELL, HALF, LAYER, LAYERS, LIMIT, LOWEST, PLACES
-from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.feet.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.feet.lean_ramp import LeanRamp
 from swath.core.component import KeepsState
@@ -41,7 +39,7 @@ class CanopyFeet(KeepsState):
 
     def __init__(self, spacing: float = 0.0) -> None:
         self._offset, self._ramp = CanopyOffset(MEMORY, GUESS, parts=PARTS), LeanRamp()
-        self.spacing = spacing if spacing > APART else 0.0
+        self.spacing = spacing_of(spacing)
         turns = [2.0 * pi * (CELL * (k + 0.5) - HALF) / (self.spacing or 1.0) for k in range(PLACES)]
         self._phases = np.array([[cos(turn), sin(turn)] for turn in turns])
         self.clear()
@@ -59,36 +57,26 @@ class CanopyFeet(KeepsState):
         """Load what is compiled, before a run is in step with a clock."""
         self._offset.compile()
 
-    def learn(
-        self,
-        scans: Sequence[RayAnswers],
-        counts: F64,
-        edge: float,
-        travel: float,
-        height: float,
-        angle: float,
-        heading: float,
-    ) -> None:
-        """A block: its scans, their counts, its edge [m] and travel [m].
+    def learn(self, block: Block, edge: float, height: float, angle: float, heading: float) -> None:
+        """A block and its edge [m].
 
         height [m] of the crop; angle [rad] of the edge to the machine; heading: of the edge at rest [rad]
         """
+        rays, counts, travel = block.answers, block.counts, block.travel
         self._offset.move(travel)
         if not height > 0.0:
             return
-        tall = np.concatenate([rays.height for rays in scans])
-        seen = np.isfinite(tall)
-        upper = np.concatenate([rays.upper for rays in scans])[seen] - edge
-        lower = np.concatenate([rays.lower for rays in scans])[seen] - edge
-        self._offset.add(Rays(upper, lower, tall[seen], height, LIMIT * height), height)
+        seen = rays[np.isfinite(rays["height"])]
+        upper, lower = seen["upper"] - edge, seen["lower"] - edge
+        self._offset.add(Rays(upper, lower, seen["height"], height, LIMIT * height), height)
         self._ramp.move(travel)
         self._look_for_rows(counts, edge, travel, height, heading)
         if abs(angle) < OBLIQUE:
             self._ramp.add(counts, edge)
-        feigned = ROLL * abs(scans[-1].rise) + ACROSS * max(scans[-1].across - ALONG, 0.0)
-        self.lean = self._ramp.foot(
-            height, self.overhang(height), max(1.0, len(scans) * ALONE / max(travel, ALONE)), feigned
-        )
+        feigned = ROLL * abs(block.of("rise")) + ACROSS * max(block.of("across") - ALONG, 0.0)
+        scans = block.of("next") - block.of("first")
+        alike = max(1.0, scans * ALONE / max(travel, ALONE))
+        self.lean = self._ramp.foot(height, self.overhang(height), alike, feigned)
 
     def _look_for_rows(self, counts: F64, edge: float, travel: float, height: float, heading: float) -> None:
         """Rows run straight: an edge that turned away from them goes across, and its plants agree by that."""
@@ -113,3 +101,8 @@ class CanopyFeet(KeepsState):
         """Learned overhang of an upright canopy [m]."""
         most = MOST if self._ramp.is_known else USUAL
         return min(self._offset.shift(height), most * height)
+
+
+def spacing_of(rows: float) -> float:
+    """Of rows so far apart [m], 0 where they stand so near that they are none."""
+    return rows if rows > APART else 0.0

@@ -9,9 +9,8 @@
 // How wide the header cuts says where the feet stand: as far from its end as is missing of its width. It may miss more,
 // tramlines and holes, never less.
 //
-// Before the body of a native function, after exact.cpp. In: a row of report_rows.py.
+// Before the body of a native function, after numbers.cpp. In: a row of detector_rows.py.
 
-typedef double D;
 Row& q = *(Row*)row.data;
 auto &s = q.step;
 auto &f = q.feet;
@@ -35,26 +34,9 @@ constexpr D EDGE_OF_TOPS = 0.95, EDGE_OF_THIN = 0.7, MODEL = 0.1;
 constexpr D PLACE = 0.025, FIRST = -20.0, NEVER = 1e-6, PI = 3.141592653589793;
 constexpr int PLACES = 100, STANDING = 6;
 
-volatile D two = 2.0;  // `x ** 2` of Python is the C library's `pow`, whose last bit is not always that of a product
-auto larger = [](D a, D b) { return b > a ? b : a; };   // as `max` of Python
-auto smaller = [](D a, D b) { return b < a ? b : a; };  // and `min`
-auto within = [&](D low, D x, D high) { return smaller(larger(x, low), high); };
-auto square = [&](D x) { return ::pow(x, two); };
 auto length = [&](D a, D b, D c = 0.0, D e = 0.0) {
   const D v[4] = {a, b, c, e};
   return exact_length(v, 4);
-};
-auto some = [](const D* v, int n) {  // in numpy's order
-  D r[8] = {};
-  int i = 0;
-  for (; i < n - n % 8; ++i) r[i % 8] = i < 8 ? v[i] : r[i % 8] + v[i];
-  D all = ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]));
-  for (; i < n; ++i) all += v[i];
-  return all;
-};
-auto sum = [&](const D* v, int n) {
-  const int half = n / 16 * 8;
-  return n > 128 ? some(v, half) + some(v + half, n - half) : some(v, n);
 };
 auto density = [&](D stopped) {  // how dense a stand is that stops a share of the rays, 0 = thin .. 1
   return within(0.0, (stopped - THIN[2]) / (DENSE[2] - THIN[2]), 1.0);

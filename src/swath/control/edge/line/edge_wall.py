@@ -6,14 +6,14 @@ lies as far ahead of the middle from block to block; bites behind what stands ou
 the rays then meet the faces of the teeth, now nearer, now further ahead.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, isfinite, sin
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
-from swath.control.edge.canopy_rays import RayAnswers
 from swath.control.edge.profile import Clears
 from swath.signals import F64
 
@@ -33,11 +33,10 @@ class Wall:
     variance: float
 
 
-def wall_of(scans: Sequence[RayAnswers], beside: float, alike: float) -> Wall:
-    """The wall of an edge `beside` the frame [m] in the scans of a block; alike: rays per independent ray."""
+def wall_of(rays: NDArray[Any], beside: float, alike: float) -> Wall:
+    """The wall of an edge `beside` the frame [m] in answers of a block; alike: rays per independent one."""
     first, last = (round((beside + side + HALF) / CELL) * CLASSES for side in STRIP)
-    cells, ahead = np.concatenate([r.cells for r in scans]), np.concatenate([r.ahead for r in scans])
-    ahead = ahead[(cells >= first) & (cells < last)]
+    ahead = rays["ahead"][(rays["cell"] >= first) & (rays["cell"] < last)]
     ahead = ahead[np.isfinite(ahead)]
     if len(ahead) < ENOUGH:
         return Wall(float("nan"), float("nan"))

@@ -3,7 +3,7 @@
 // Interpolation, not extrapolation: the place lies just ahead of the knife, so that blocks stand on both sides. It is the
 // track's, abreast of the reference; about it goes a parabola by weighted least squares with Tukey's biweight.
 //
-// Before the body of a native function, after overhang.cpp. In: a row of report_rows.py; points: (x, u, variance, distance) in
+// Before the body of a native function, after overhang.cpp. In: a row of detector_rows.py; points: (x, u, variance, distance) in
 // the frame at rest.
 
 // m to both sides, over which the track's angle is taken; standard deviation of the weight along the edge, at least so many
@@ -15,9 +15,6 @@ constexpr D FLOOR = 1e-4, LEAST_SPREAD = 0.02, NEAR_SHARE = 0.05, FEWEST = 0.2, 
 // 1/m: prior standard deviation of the bend of any edge, and of one that nothing shows to be bent; deviations from which on it
 // is one
 constexpr D BENT_SD = 0.05, STRAIGHT_SD = 0.0015, PROVEN = 3.0;
-struct Frame {
-  D x, u, angle;
-};
 struct Parabola {  // offset, slope, bend and their variances; spread of the points about it [m]
   wp::vec_t<3, D> p;
   D variance[3], spread;
