@@ -40,7 +40,7 @@ class Inclination(KeepsState):
 
     def __init__(self, mounting: Pose | None) -> None:
         self._turn = (np.eye(3) if mounting is None else mounting.rotation).tolist()
-        self._memory = InertialMemory("take_inclination")
+        self._memory = InertialMemory()
         self.numbers = self._memory.numbers
         self.numbers[TURN:SINCE] = [v for row in self._turn for v in row]
         self.clear()
@@ -58,11 +58,6 @@ class Inclination(KeepsState):
             return
         STEP.pack_into(self._memory.bytes, 0, len(samples), speed)
         self._memory.step(samples)
-
-    @property
-    def is_sure(self) -> bool:
-        """Samples came in for so long that their mean is known."""
-        return self._since >= SURE_S
 
     @property
     def up(self) -> F64:

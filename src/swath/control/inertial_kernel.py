@@ -25,12 +25,6 @@ def turn(memory: wp.array(dtype=wp.float64)): ...
 
 
 @wp.kernel
-def take_yaw_rate(memory: wp.array(dtype=wp.float64)):
-    """One thread; see yaw_rate.cpp."""
-    turn(memory)
-
-
-@wp.kernel
 def take_samples(
     head: wp.array(dtype=wp.int64),
     stamps: wp.array(dtype=wp.int64),

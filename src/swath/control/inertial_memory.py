@@ -53,12 +53,9 @@ class Numbers:
 
 
 class InertialMemory:
-    """numbers: those of the step, (SAMPLES,), the first of them how many samples there are; what they mean is
-    the step's own. kernel: name of the compiled step.
-    """
+    """numbers: those of `Inclination`, (SAMPLES,), the first of them how many samples there are."""
 
-    def __init__(self, kernel: str) -> None:
-        self._kernel = kernel
+    def __init__(self) -> None:
         self._all = np.zeros(SAMPLES + 7 * ROOM)
         self.numbers: F64 = self._all[:SAMPLES]
         self.bytes = self._all.data.cast("B")
@@ -79,9 +76,9 @@ class InertialMemory:
         self._launch()
 
     def _on(self, memory: F64) -> Callable[[], Any]:
-        from swath.control import inertial_kernel
+        from swath.control.inertial_kernel import take_inclination
 
-        return launch_on(getattr(inertial_kernel, self._kernel), memory)
+        return launch_on(take_inclination, memory)
 
 
 def _lay(samples: Sequence[Inertial], into: memoryview) -> None:

@@ -8,46 +8,22 @@ by how well they explain what the sensors differ by, and the bias is the mean ov
 is conjugate: Gelman et al., Bayesian Data Analysis, 3rd ed., section 22.1).
 """
 
-from collections.abc import Sequence
-from struct import Struct
+import numpy as np
 
-from swath.control.inertial_memory import InertialMemory, Numbers
-from swath.core.component import KeepsState
+from swath.control.inertial_memory import SAMPLES
 from swath.core.frames import Pose
-from swath.signals import Inertial, Odometry
+from swath.signals import F64
 
 # Numbers of the shared memory: samples, yaw rate, speed, steering angle and seconds of the step; wheelbase,
 # direction upward in the unit's frame; means of what the wheels and the unit differ by; bias, its age.
-STEP = Struct("5d")
-WHEELBASE, UP, KNOWN, BIAS = 5, slice(6, 9), slice(9, 16), 14
+WHEELBASE, UP, BIAS = 5, slice(6, 9), 14
 
 
-class YawRate(KeepsState):
-    """Estimates the bias of the odometry's gyroscope from what its other sensors say.
+def no_bias(wheelbase: float, mounting: Pose | None) -> F64:
+    """The memory of yaw_rate.cpp where no bias of the odometry's gyroscope is known, (SAMPLES,).
 
     wheelbase [m]; mounting: pose_machine_sensor of the inertial unit
-    known: what it goes on from
     """
-
-    kept = ("known",)
-    known = Numbers(KNOWN)
-
-    def __init__(self, wheelbase: float, mounting: Pose | None) -> None:
-        self._memory = InertialMemory("take_yaw_rate")
-        numbers = self.numbers = self._memory.numbers
-        numbers[WHEELBASE], numbers[UP] = wheelbase, (0, 0, 1) if mounting is None else mounting.rotation[2]
-
-    def clear(self) -> None:
-        """No bias is known."""
-        self.numbers[KNOWN] = 0.0
-
-    def of(self, odometry: Odometry, samples: Sequence[Inertial] | None, seconds: float) -> float:
-        """The yaw rate [rad/s], > 0 to the left, less the bias; nan where none is measured.
-
-        samples: of the inertial unit since the last call, None = there is none; seconds: since then
-        """
-        samples, rate = samples or (), odometry.yaw_rate
-        measured = rate, odometry.speed, odometry.steer_angle, seconds
-        STEP.pack_into(self._memory.bytes, 0, len(samples), *measured)
-        self._memory.step(samples)
-        return rate - float(self.numbers[BIAS])
+    numbers = np.zeros(SAMPLES)
+    numbers[WHEELBASE], numbers[UP] = wheelbase, (0, 0, 1) if mounting is None else mounting.rotation[2]
+    return numbers

@@ -33,7 +33,7 @@ from swath.compiled import Compiled
 from swath.control.inclination import CRAB, Inclination
 from swath.control.inertial_memory import AllInertial
 from swath.control.steer.plant_model import PREVIEW, SLIP_LIMIT, ActuatorModel, Learns, SlipObserver
-from swath.control.yaw_rate import YawRate
+from swath.control.yaw_rate import no_bias
 from swath.core.component import Port
 from swath.core.random import Stream
 from swath.core.registry import Checked, Level
@@ -96,7 +96,7 @@ class Preview(InWorlds):
             *ActuatorModel(p.dead_time_s, p.lag_s, setup.period, p.trim_m).numbers,
             *SlipObserver(p.slip_m, p.slip_step_cm * CM, SLIP_LIMIT).numbers,
         )  # in the order of `preview_kernel.Law`
-        self.memories = Inclination(mounting).numbers, YawRate(machine.wheelbase, mounting).numbers
+        self.memories = Inclination(mounting).numbers, no_bias(machine.wheelbase, mounting)
 
     @classmethod
     def together(cls, parts: Sequence["Preview"]) -> "Steerers":
