@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import swath
+from swath.api import load_scenario
 from swath.control.speed.constant import ConstantSpeed, Params
 from swath.core.blocks import Block, Seen
 from swath.core.errors import InputError, SwathError
@@ -16,6 +17,8 @@ from swath.core.rows import Trail, held_row, row_like
 from swath.core.signal import Signal
 from swath.core.together import InWorlds, Samples
 from swath.record.digest import Digest, sample_bytes
+from swath.runtime.assembly import assemble
+from swath.runtime.worlds import groups_in_step
 from swath.signals import CropEdge, CropFlow, MachineState, Scan, SpeedCommand, SteerCommand
 from swath.signals.objects import objects_of
 
@@ -184,6 +187,17 @@ def test_arrays_of_different_lengths_go_in_step():
     joined = Samples.joined(samples)
     for found, own in zip([*joined.each(), joined.copy().of(1)], [*samples, samples[1]], strict=True):
         assert sample_bytes("a", "b", 5, found) == sample_bytes("a", "b", 5, own)
+
+
+@pytest.mark.parametrize("level", ["plants", "empirical"])
+def test_scanners_with_other_beams_do_not_go_in_step(level):
+    """They once failed in step, which was told, and were run again one by one."""
+    sets = {**SHORT, "combine.lidar.level": level}
+    steps = ({"combine.lidar.step_deg": step} for step in (0.5, 1.0, 0.5))
+    assert groups_in_step([assemble(load_scenario("straight", sets={**sets, **s})) for s in steps]) == [
+        [0, 2],
+        [1],
+    ]
 
 
 def test_worlds_see_different_numbers_of_objects():

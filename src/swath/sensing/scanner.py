@@ -349,6 +349,12 @@ class ScanningLidar(KeepsState, ABC):
         self.ray_count = 0
         self._last: MachineState | None = None
 
+    @property
+    def goes_with(self) -> tuple[bytes, ...]:
+        """The times and directions of its beams, and whether it says something of its window."""
+        beams = self.scanner.beam_t, self.azimuth, self.elevation
+        return (*(a.tobytes() for a in beams), bytes(self.scanner.window is not None))
+
     def reset(self, stream: Stream) -> Outputs:
         """An empty scan; draws the constant range bias of this instance, uniform in the data sheet's band."""
         self._stream = stream

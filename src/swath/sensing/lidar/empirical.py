@@ -148,12 +148,6 @@ class TableLidar(InWorlds, ScanningLidar):
         self._clamped = 0
 
     @property
-    def goes_with(self) -> tuple[bytes, ...]:
-        """The times and directions of its beams, and whether it says something of its window."""
-        beams = self.scanner.beam_t, self.azimuth, self.elevation
-        return (*(a.tobytes() for a in beams), bytes(self.scanner.window is not None))
-
-    @property
     def ray_count(self) -> int:
         """Since the start."""
         return int(self.swept[0]) * len(self.azimuth)
