@@ -60,9 +60,3 @@ def lay(block, rays, travel, *, along=0.0, near=0, solid=None):
         row[name] += more
     np.add.at(block.counts, np.divmod(cells, CLASSES), 1.0)
     np.add.at(block.solid, np.divmod(cells if solid is None else cells[solid], CLASSES), 1.0)
-
-
-def add(track, rays, travel, frame, at, **about):
-    """A scan into the block of a track, which looks at that."""
-    lay(track.block, rays, travel, **about)
-    track.add(frame, at, 0.0)

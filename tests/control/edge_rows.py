@@ -19,6 +19,14 @@ class Reports(Detectors):
         super().__init__(parts)
         self.feet_of, self.edge_of, self.all_of = (each.launch for each in self.reports())
 
+    def learn(self, points):
+        """Points of the edge are these, (n, 4); it was found again nowhere."""
+        self.points[0, : len(points)], self.blocks["points"], self.blocks["returns"] = (
+            points,
+            len(points),
+            0.0,
+        )
+
     def edge(self):
         """What the first one told."""
         return self.sent["edge"].of(0)
@@ -43,7 +51,7 @@ def see(reports, points, at=(0.0, 0.0, 0.0), **block):
     """
     for name, value in block.items():
         (reports.ground if name.startswith("plane") else reports.blocks)[name] = value
-    reports.learn(0, reports.blocks[0].tolist()[:-2], np.asarray(points), ())
+    reports.learn(points)
     for name, value in zip(("x", "u", "heading"), at, strict=True):
         reports.steps[name] = value
     reports.feet_of()
@@ -106,7 +114,7 @@ class Overhang:
 
     def _tell(self, canopy, missing, known):
         reports = self._reports
-        reports.learn(0, reports.blocks[0].tolist()[:-2], np.array([[0.0, 0.0, 1e-4, 0.0]]), ())
+        reports.learn([[0.0, 0.0, 1e-4, 0.0]])
         reports.steps["missing"], reports.steps["travel"] = missing, 1.0
         reports.feet["is_found"] = 1.0
         line = {"x": reports.detectors["reference"][0], "u": canopy, "offset_sd": known}

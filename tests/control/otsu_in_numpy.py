@@ -9,7 +9,6 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from swath.control.edge.feet.canopy_offset import CanopyOffset, Rays
 from swath.control.edge.otsu import Params, footprint
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import CRAB, Inclination
@@ -22,6 +21,7 @@ from swath.core.schedule import NS
 from swath.core.units import DEG, MM
 from swath.signals import F64, CropEdge, Inertial, Odometry, Scan, beam_directions
 from swath.signals.setup import ControlSetup
+from tests.control.canopy_learned import CanopyOffset, Rays
 
 
 @dataclass(frozen=True)

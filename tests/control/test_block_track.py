@@ -3,16 +3,27 @@
 import numpy as np
 import pytest
 
-from swath.control.edge.block_track import FIRST, LONGEST, BlockTrack, Search
-from swath.control.edge.blocks import Block, _added, find_edge
-from swath.control.edge.canopy_classes import AIR, CELL, CLASSES, DUST, HALF, LAYER, LAYERS, LOWEST, NOTHING
-from swath.control.edge.canopy_rays import EdgeFrame
+from swath.control.edge.block_rows import POINTS, RETURNS, WALLS
+from swath.control.edge.canopy_classes import (
+    AIR,
+    CELL,
+    CLASSES,
+    DUST,
+    HALF,
+    LAYER,
+    LAYERS,
+    LOWEST,
+    NOTHING,
+    PLACES,
+)
 from swath.signals import Scan
-from tests.control.canopy_scans import Canopy, add, answers, lay
+from tests.control.block_rig import Rig
+from tests.control.canopy_scans import Canopy, answers, lay
 from tests.control.synthetic_edge import mounting
 from tests.control.test_likelihood_ratio import SPEED, drive
 
 TRAVEL, SCANS = 0.08, 5  # m from scan to scan, scans of a block
+FIRST, LONGEST = 4.0, 1.2  # m of travel of a block while there is no edge, and from which on it says little
 
 
 def rays(edge, top, lost, rng, count=120, swallowed=(0.0, 0.0)):
@@ -35,16 +46,15 @@ def follow(edges, seed, *, tops=(0.85,), lost=0.0, swallowed=()):
     tops: heights of the crop [m]; the last one stays
     swallowed: of each of the last blocks, as `rays` has it
     """
-    track, rng, followed = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed), []
+    track, rng, followed = Rig(), np.random.default_rng(seed), []
     for k, edge in enumerate(edges):
         top = tops[min(k, len(tops) - 1)]
         strip = ((0.0, 0.0),) * (len(edges) - len(swallowed)) + tuple(swallowed)
         for n in range(SCANS):
-            at, arc = (TRAVEL * (SCANS * k + n), 0.0, 0.0), track.track.arc
-            frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
-            scan = rays(edge - frame.u, top, lost, rng, swallowed=strip[k])
-            add(track, scan, TRAVEL, frame, at, along=0.4 * 120, near=120)
-        followed.append(track.followed)
+            at = TRAVEL * (SCANS * k + n), 0.0, 0.0
+            scan = rays(edge - track.frame(*at).u, top, lost, rng, swallowed=strip[k])
+            track.add(scan, TRAVEL, at, along=0.4 * 120, near=120)
+        followed.append(track.row["followed"])
     return track, followed
 
 
@@ -65,14 +75,12 @@ def rays_along(way, frame, at, rng, count=240):
 
 @pytest.mark.parametrize("radius", [15.0, 20.0])
 def test_the_begin_of_a_bend_away_from_the_crop_lies_at_its_wall(radius):
-    begin, rng, track = 16.0, np.random.default_rng(2), BlockTrack(Search(1.5, 9.0))
+    begin, rng, track = 16.0, np.random.default_rng(2), Rig()
     way = lambda x: -0.5 * max(x - begin, 0.0) ** 2 / radius  # noqa: E731
     for at in TRAVEL * np.arange(150):
-        arc = track.track.arc
-        frame = EdgeFrame(9.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(at, 0.0, 0.0)
-        scan, along = rays_along(way, frame, float(at), rng)
-        add(track, scan, TRAVEL, frame, (float(at), 0.0, 0.0), along=along, near=240)
-    x, u = track.points.rows[:, :2].T
+        scan, along = rays_along(way, track.frame(at, 0.0, 0.0), at, rng)
+        track.add(scan, TRAVEL, (at, 0.0, 0.0), along=along, near=240)
+    x, u = track.points[:, :2].T
     beside = (u - [way(v) for v in x])[(x > begin) & (x < begin + 2.0)]
     assert len(beside) >= 4
     assert abs(beside.mean()) < 0.02
@@ -82,7 +90,7 @@ def test_the_begin_of_a_bend_away_from_the_crop_lies_at_its_wall(radius):
 def test_in_dust_the_gate_is_as_wide_as_a_block_is_blurred(seed):
     """Of 12 rays one comes back: an edge 0.35 m beside the track is not cut off at 0.28 m."""
     track, _ = follow([0.0] * 20 + [0.35] * 16, seed, lost=0.92)
-    assert track.track.arc.u == pytest.approx(0.35, abs=0.15)
+    assert track.arc["u"] == pytest.approx(0.35, abs=0.15)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -92,8 +100,8 @@ def test_where_dust_hides_the_strip_about_the_edge_the_track_goes_on_and_says_so
     strips = [(-draw.uniform(0.6, 1.2), draw.uniform(0.0, 0.3)) for _ in range(8)]
     seen, _ = follow([0.0] * 30, seed)
     track, _ = follow([0.0] * 38, seed, swallowed=strips)
-    assert np.abs(track.points.rows[:, 1]).max() < 0.1
-    assert track.agreed < 0.5 * seen.agreed
+    assert np.abs(track.points[:, 1]).max() < 0.1
+    assert track.row["agreed"] < 0.5 * seen.row["agreed"]
 
 
 def test_crop_that_rises_from_block_to_block_is_a_front():
@@ -116,14 +124,19 @@ def test_an_edge_first_seen_far_ahead_is_told_where_the_machine_is():
 @pytest.mark.parametrize("seed", range(4))
 def test_dust_to_one_side_of_the_edge_only_says_where_it_is_not(seed):
     """Hidden up to where the crop begins: not the middle of what is hidden, but what is known of the line."""
-    rng, block = np.random.default_rng(seed), Block()
+    rng, (track, _) = np.random.default_rng(seed), follow([0.0] * 20, seed)
     width = rng.uniform(0.15, 0.26)
-    ratios = follow([0.0] * 20, seed)[0].populations.ratios()
+    track.block.clear()
     for _ in range(SCANS):
-        lay(block, rays(0.0, 0.85, 0.0, rng, swallowed=(-width, 0.0)), TRAVEL)
-    alone, known = (find_edge(block, ratios, 0.28, variance) for variance in (np.inf, 0.02**2))
-    assert alone.beside == pytest.approx(-0.5 * width, abs=0.03)
-    assert abs(known.beside) < 0.5 * abs(alone.beside)
+        lay(track.block, rays(0.0, 0.85, 0.0, rng, swallowed=(-width, 0.0)), TRAVEL)
+    alone, known = (track("find_edge", 0.28, variance)[0] for variance in (np.inf, 0.02**2))
+    assert alone == pytest.approx(-0.5 * width, abs=0.03)
+    assert abs(known) < 0.5 * abs(alone)
+
+
+def added(place, chance, known):
+    """Mean [m] and variance [m2] that chances of places add to a variance known."""
+    return Rig()("added", known, len(place), place, chance)[:2]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -132,8 +145,8 @@ def test_what_a_block_adds_to_what_is_known_gives_it_again(seed):
     draw, place = np.random.default_rng(seed), CELL * np.arange(-60, 61)
     mean, sd, known = draw.uniform(-0.1, 0.1), draw.uniform(0.06, 0.2), draw.uniform(0.05, 0.3) ** 2
     chance = np.exp(-0.5 * ((place - mean) / sd) ** 2)
-    assert _added(place, chance / chance.sum(), known) == pytest.approx((mean, sd**2), rel=0.02, abs=1e-3)
-    assert _added(place, np.ones(121), known)[1] > 1.0  # flat: it adds nothing
+    assert added(place, chance / chance.sum(), known) == pytest.approx((mean, sd**2), rel=0.02, abs=1e-3)
+    assert added(place, np.ones(121), known)[1] > 1.0  # flat: it adds nothing
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -142,7 +155,7 @@ def test_what_a_block_adds_lies_where_it_looked(seed):
     draw, place = np.random.default_rng(seed), CELL * np.arange(-12, 13)
     steep, known = draw.choice([-1, 1]) * draw.uniform(1.0, 20.0), draw.uniform(0.05, 0.2) ** 2
     chance = np.exp(steep * place)
-    mean, variance = _added(place, chance / chance.sum(), known)
+    mean, variance = added(place, chance / chance.sum(), known)
     assert abs(mean) <= place[-1]
     assert mean * steep >= 0.0
     assert variance > 0.0
@@ -150,17 +163,16 @@ def test_what_a_block_adds_lies_where_it_looked(seed):
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
 def test_haze_is_the_optical_depth_that_answers_so_many_rays(share):
-    block = Block()
-    block.counts[:, DUST], block.counts[:, 10] = 1000.0 * share, 1000.0 * (1.0 - share)
-    np.testing.assert_allclose(block.haze, -np.log(1.0 - share), rtol=1e-3)
+    rig = Rig()
+    rig.block.counts[:, DUST], rig.block.counts[:, 10] = 1000.0 * share, 1000.0 * (1.0 - share)
+    np.testing.assert_allclose(rig("haze", told=PLACES), -np.log(1.0 - share), rtol=1e-3)
 
 
 def test_an_echo_that_dust_may_have_sent_says_less():
     """(crop + dust) / (stubble + dust): nothing where dust is all there is; elsewhere what it was."""
     track, _ = follow([0.0] * 20, 1)
-    clear, haze = track.populations.ratios(), np.array([0.0, 0.01, 0.1, 1e6])
-    dusty = track.populations.ratios(haze)
-    np.testing.assert_array_equal(dusty[0], clear)
+    dusty = np.array([track("ratios", haze, told=CLASSES) for haze in (0.0, 0.01, 0.1, 1e6)])
+    assert np.abs(dusty[0]).max() > 1.0
     assert (np.diff(np.abs(dusty[:, :LAYERS]), axis=0) <= 1e-12).all()
     np.testing.assert_allclose(dusty[-1, :LAYERS], 0.0, atol=1e-4)
 
@@ -170,18 +182,19 @@ def search(populations, seed, *, blocks=20, turning=0.0, rays=60):
 
     populations: of places beside the way (n,), shares of classes (n, CLASSES); turning: of it [rad/m]
     """
-    track, rng = BlockTrack(Search(1.5, 9.0)), np.random.default_rng(seed)
+    track, rng = Rig(), np.random.default_rng(seed)
     for n in range(blocks * SCANS):
         place = rng.uniform(-3.0, 3.0, rays)
         drawn = rng.uniform(size=(rays, 1))
         kind = np.minimum((np.cumsum(populations(place), axis=1) < drawn).sum(axis=1), CLASSES - 1)
         cells = np.floor((place + HALF) / CELL).astype(np.int64) * CLASSES + kind
         stands = rng.uniform(size=rays) < 0.5
-        scan = answers(cells, stands=stands, upper=place, lower=place)
         travel = TRAVEL * (n + 1)
         at = travel, 0.0, turning * travel
-        add(track, scan, TRAVEL, EdgeFrame(9.0, 0.0, 0.0, 0.0), at, near=rays, solid=stands)
-        if track.track.arc is not None:
+        track.add(
+            answers(cells, stands=stands, upper=place, lower=place), TRAVEL, at, near=rays, solid=stands
+        )
+        if track.has_arc:
             return track, travel
     return track, np.nan
 
@@ -207,7 +220,7 @@ def test_what_says_little_in_a_metre_begins_an_edge_in_four(seed):
     field = lambda beside: np.where((beside > place)[:, None], crop, stubble)  # noqa: E731
     track, travel = search(field, seed)
     assert LONGEST < travel < 2.0 * FIRST
-    assert abs(track.track.arc.u - place) < 0.25
+    assert abs(track.arc["u"] - place) < 0.25
     assert np.isnan(search(field, seed, turning=0.15)[1])  # it was somewhere else a metre before
 
 
@@ -217,9 +230,22 @@ def test_one_population_never_begins_an_edge_however_far_it_is_driven(seed):
     for population in faint(rng):
         track, travel = search(lambda beside, of=population: np.tile(of, (len(beside), 1)), seed, blocks=40)
         assert np.isnan(travel)
-        assert (
-            len(set(track.save()["block"]["rays"]["scan"])) <= (LONGEST + 2.0 * TRAVEL) / TRAVEL
-        )  # and nothing piles up
+        held = set(track.block.save()["rays"]["scan"])
+        assert len(held) <= (LONGEST + 2.0 * TRAVEL) / TRAVEL  # and nothing piles up
+
+
+def test_of_an_edge_along_which_blocks_pile_up_the_newest_stay():
+    """A machine that hardly moves on adds points and returns without end: there is room for so many."""
+    rig = Rig()
+    for k in range(300):
+        rig("point", float(k), 0.0, 1e-4, 1e-3 * k)
+        rig("found_again", 1e-3 * k)
+        rig("add_wall", 1e-3 * k, 0.0, 1.0)
+    points, walls = rig.row["points"], rig.row["walls"]
+    np.testing.assert_array_equal(rig.points[:, 0], np.arange(300 - POINTS, 300))
+    np.testing.assert_allclose(points["returns"], 1e-3 * np.arange(300 - RETURNS, 300))
+    np.testing.assert_allclose(walls["rows"][::4], 1e-3 * np.arange(300 - WALLS, 300))
+    assert (points["count"], points["return_count"], walls["count"]) == (POINTS, RETURNS, WALLS)
 
 
 def test_an_echo_of_the_air_at_the_scanner_says_that_nothing_answered():
@@ -228,7 +254,7 @@ def test_an_echo_of_the_air_at_the_scanner_says_that_nothing_answered():
     level, ones = np.zeros(41), np.ones((41, 1), np.float32)
     rays = Canopy(mounting(), centre=9.0)
     rays.take(Scan(1, level, azimuth, level, ranges.astype(np.float32), ones), speed=2.0)
-    counted = rays.block.answers[rays.block.answers["cell"] >= 0.0]
-    assert len(counted) > 5
-    assert set((counted["cell"] % CLASSES).tolist()) == {AIR}
-    assert np.isnan(counted["height"]).all()
+    found = rays.block.save()["rays"]
+    assert len(found) > 5
+    assert set((found["cell"] % CLASSES).tolist()) == {AIR}
+    assert np.isnan(found["height"]).all()

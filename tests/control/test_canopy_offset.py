@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 import warp as wp
 
-from swath.control.edge.feet.canopy_offset import LAYER, TALLEST, CanopyOffset, Rays, stopped
+from swath.control.edge.feet.canopy_offset import LAYER, TALLEST, stopped
 from swath.control.edge.feet.canopy_offset_kernel import height_at, sum_of
 from swath.kernels import repeatable, shared
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
 from swath.runtime.loop import drive as run
 from swath.scenario.scenario import load_scenario
+from tests.control.canopy_learned import CanopyOffset, Rays
 from tests.control.edge_drive import drive, errors
 from tests.evaluated import metrics_of
 

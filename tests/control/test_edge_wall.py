@@ -3,67 +3,61 @@
 import numpy as np
 import pytest
 
-from swath.control.edge.arc_track import Arc, ArcTrack
-from swath.control.edge.blocks import Found
 from swath.control.edge.canopy_classes import CELL, CLASSES, HALF
-from swath.control.edge.line.edge_breaks import EdgeBreaks
-from swath.control.edge.line.edge_wall import (
-    EVEN,
-    TURNED,
-    JaggedWall,
-    Wall,
-    WallsBehind,
-    place_along,
-    wall_of,
-)
-from swath.control.edge.line.near_line import EdgePoints
 from swath.signals import Odometry
-from tests.control.canopy_scans import answers
+from tests.control.block_rig import Rig
+from tests.control.canopy_scans import answers, lay
 from tests.control.synthetic_edge import Scanner, Stand, mounting
 from tests.control.test_likelihood_ratio import PERIOD, SPEED, detector, drive
 
 RADIUS, BEGIN, ANGLE = 12.0, 12.0, 1.4  # m, m, rad: of a bend away from the crop
 SLIPS = 0.977  # speed that is measured over that which is driven
+TURNED = 0.08  # rad by which an edge turns away since, from which on points move
+EVEN = 0.21  # of the crop's height: standard deviation of where an even wall lies
 
 
 def echoes(beside, ahead):
-    cells = np.floor((np.asarray(beside) + HALF) / CELL).astype(np.int64) * CLASSES
-    return answers(cells, ahead=ahead)
+    """A block of them, as many rays per independent ray as two scans at one place have."""
+    rig = Rig()
+    cells = np.floor((np.asarray(beside) + HALF) / CELL) * CLASSES
+    lay(rig.block, answers(cells, ahead=ahead), 0.0)
+    rig.block.row["scans"] = 2.0
+    return rig
 
 
 def test_the_wall_is_where_the_outermost_crop_stops_rays():
     scan = echoes([0.1, 0.11, 0.2, 0.25, 0.9, -0.6], [1.0, 2.0, 3.0, 2.0, 9.0, np.nan])
-    wall = wall_of(scan, 0.1, 2.0)
-    assert wall.along == pytest.approx(2.0)
-    assert wall.variance == pytest.approx(2.0 * 0.5 / 4)
-    assert np.isnan(wall_of(scan, -0.6, 2.0).along)
+    along, variance = scan("wall", 0.1)[:2]
+    assert along == pytest.approx(2.0)
+    assert variance == pytest.approx(2.0 * 0.5 / 4)
+    assert np.isnan(scan("wall", -0.6)[0])
 
 
 def test_a_block_lies_at_its_wall_where_the_edge_turns_away():
-    wall = Wall(1.5, 0.01)
-    assert [place_along(wall, 0.5, a) for a in (0.0, 0.9, -0.1)] == [0.5, 0.5, 0.5]
-    assert place_along(wall, 0.5, -0.3) == pytest.approx(1.0)
-    assert place_along(wall, 0.5, -0.9) == pytest.approx(1.5)
-    assert place_along(Wall(np.nan, np.nan), 0.5, -0.9) == 0.5
+    along = lambda wall, angle: Rig()("place_along", wall, 0.5, angle)[0]  # noqa: E731
+    assert [along(1.5, a) for a in (0.0, 0.9, -0.1)] == [0.5, 0.5, 0.5]
+    assert along(1.5, -0.3) == pytest.approx(1.0)
+    assert along(1.5, -0.9) == pytest.approx(1.5)
+    assert along(np.nan, -0.9) == 0.5
 
 
 def begin_of_bend(radius, ahead, begin=4.0):
-    """(walls, points, track, its angle [rad]) of an edge that bends away, of which the track knows late.
+    """(a track, its angle [rad]) of an edge that bends away, of which the track knows late.
 
     Blocks are put `ahead` [m] before their walls.
     """
-    walls, points, track, angle = WallsBehind(), EdgePoints(), ArcTrack(), 0.0
+    rig, angle = Rig(), 0.0
     for way in 0.4 * np.arange(23):
         turn = max(way + ahead - begin, 0.0) / radius
         x, u = min(way + ahead, begin) + radius * np.sin(turn), radius * (np.cos(turn) - 1.0)
-        points.add(x - ahead * np.cos(angle), u - ahead * np.sin(angle), 1e-4, way)
-        walls.add(way, angle, ahead)
+        rig("point", x - ahead * np.cos(angle), u - ahead * np.sin(angle), 1e-4, way)
+        rig("add_wall", way, angle, ahead)
         angle = -max(way - 1.0 - begin, 0.0) / radius
-        if track.arc is None:
-            track.begin(Arc(*points.rows[0, :2].tolist(), 0.0, 0.0))
-        track.advance(0.4)
-        track.accept(points.rows[-1, 1] - track.arc.u, 1e-4)
-    return walls, points, track, angle
+        if way == 0.0:
+            rig.begin(*rig.points[0, :2], 0.0)
+        rig("advance", 0.4)
+        rig("accept", rig.points[-1, 1] - rig.arc["u"], 1e-4, True)
+    return rig, angle
 
 
 def beside_bend(rows, radius, begin=4.0):
@@ -73,35 +67,32 @@ def beside_bend(rows, radius, begin=4.0):
 
 
 def test_what_was_seen_of_a_bend_lies_at_its_wall_once_the_edge_has_turned():
-    walls, points, track, angle = begin_of_bend(15.0, 1.0)
+    rig, angle = begin_of_bend(15.0, 1.0)
     begun = slice(8, 13)  # blocks
-    before = np.abs(beside_bend(points.rows[begun], 15.0)).max()
-    moves = walls.moves(angle)
-    points.move(moves)
+    before = np.abs(beside_bend(rig.points[begun], 15.0)).max()
+    first = rig("move_walls", angle)[0]
     assert before > 0.03
-    assert np.abs(beside_bend(points.rows[begun], 15.0)).max() < 0.005
-    assert not len(walls.moves(angle))
-    track.retrace(float(moves[:, 0].min()), points.rows, 0.0)
-    assert track.arc.distance == pytest.approx(points.rows[-1, 3], abs=0.5)
+    assert np.abs(beside_bend(rig.points[begun], 15.0)).max() < 0.005
+    assert np.isnan(rig("move_walls", angle)[0])
+    rig("retrace", first, 0.0)
+    assert rig.arc["distance"] == pytest.approx(rig.points[-1, 3], abs=0.5)
 
 
 def test_along_an_edge_that_goes_straight_on_no_point_is_moved():
-    walls, _, _, angle = begin_of_bend(1e9, 1.0)
-    assert not len(walls.moves(angle))
-    assert not len(walls.moves(angle - 0.9 * TURNED[0]))
-    assert not len(walls.moves(angle + 0.5))
+    rig, angle = begin_of_bend(1e9, 1.0)
+    assert all(np.isnan(rig("move_walls", angle + more)[0]) for more in (0.0, -0.9 * TURNED, 0.5))
 
 
 def test_a_wall_to_and_fro_is_jagged():
-    even, jagged = JaggedWall(), JaggedWall()
+    even, jagged = Rig(), Rig()
     for k in range(60):
-        even.add(Wall(0.8 + 0.1 * (-1) ** k, 0.01), 0.4, 0.0, 0.4)
-        jagged.add(Wall(0.8 + 0.4 * (-1) ** k, 0.01), 0.4, 0.0, 0.4)
-    assert even.swing(0.85) == 0.0
-    assert jagged.swing(0.85) == pytest.approx(np.sqrt(0.4**2 - 0.01 - (0.85 * EVEN) ** 2), rel=0.1)
+        even("add_jagged", 0.8 + 0.1 * (-1) ** k, 0.01, 0.4, 0.0, 0.4)
+        jagged("add_jagged", 0.8 + 0.4 * (-1) ** k, 0.01, 0.4, 0.0, 0.4)
+    assert even("swing", 0.85)[0] == 0.0
+    assert jagged("swing", 0.85)[0] == pytest.approx(np.sqrt(0.4**2 - 0.01 - (0.85 * EVEN) ** 2), rel=0.1)
     for _ in range(40):
-        jagged.add(Wall(5.0, 0.01), 0.4, 0.5, 0.4)
-    assert jagged.swing(0.85) < 0.05
+        jagged("add_jagged", 5.0, 0.01, 0.4, 0.5, 0.4)
+    assert jagged("swing", 0.85)[0] < 0.05
 
 
 def test_bites_that_hide_are_in_the_deviation():
@@ -156,9 +147,9 @@ def test_a_bend_is_followed_that_seems_bites_at_first():
 
 def breaks_after(places):
     """From which way on [m] an edge whose blocks lie so far beside a line along bites [m] bends away."""
-    breaks = EdgeBreaks()
-    found = [Found(beside, 1e-4, 100.0, 0.0, 0.0, beside) for beside in places]
-    return [breaks.bends_away(f, 0.4 * k, has_bites=True) for k, f in enumerate(found)]
+    rig = Rig()
+    told = [rig("bends_away", beside, 0.4 * k)[:2] for k, beside in enumerate(places)]
+    return [since if bends else None for bends, since in told]
 
 
 def test_bites_come_back_to_their_line_and_bends_do_not():
@@ -169,17 +160,16 @@ def test_bites_come_back_to_their_line_and_bends_do_not():
 
 def test_a_track_goes_along_the_points_that_a_line_left_out():
     """On a circle of 13 m from 6 m on, of which the line along bites saw nothing."""
-    track, rows = ArcTrack(), []
-    track.begin(Arc(0.0, 0.0, 0.0, 0.0))
+    track, rows = Rig().begin(0.0, 0.0, 0.0), []
     for k in range(1, 26):
         way = 0.4 * k
         turn = max(way - 6.0, 0.0) / 13.0
         x = min(way, 6.0) + 13.0 * np.sin(turn)
         rows.append((x, -13.0 * (1.0 - np.cos(turn)), 1e-4, way))
-        track.advance(0.4)
-        track.accept(0.0, 1e-4)
-    assert abs(track.arc.u - rows[-1][1]) > 0.5
-    track.retrace(6.2, np.array(rows), 0.0)
-    assert track.arc.distance == pytest.approx(10.0)
-    assert np.hypot(track.arc.x - rows[-1][0], track.arc.u - rows[-1][1]) < 0.05
-    assert track.arc.angle == pytest.approx(-4.0 / 13.0, abs=0.1)
+        track("advance", 0.4)
+        track("accept", 0.0, 1e-4, True)
+    assert abs(track.arc["u"] - rows[-1][1]) > 0.5
+    track.set_points(rows)("retrace", 6.2, 0.0)
+    assert track.arc["distance"] == pytest.approx(10.0)
+    assert np.hypot(track.arc["x"] - rows[-1][0], track.arc["u"] - rows[-1][1]) < 0.05
+    assert track.arc["angle"] == pytest.approx(-4.0 / 13.0, abs=0.1)

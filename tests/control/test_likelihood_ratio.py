@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swath.control.edge.arc_track import Arc, ArcTrack
-from swath.control.edge.block_track import BlockTrack, Search
+from swath.control.edge.block_tracks import spacing_of
 from swath.control.edge.canopy_classes import (
     CELL,
     CLASSES,
@@ -22,14 +21,12 @@ from swath.control.edge.canopy_classes import (
     PLACES,
     ROOM,
 )
-from swath.control.edge.canopy_rays import EdgeFrame
-from swath.control.edge.feet.canopy_feet import CanopyFeet
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
-from swath.control.edge.populations import Populations
 from swath.core.frames import Pose
 from swath.core.random import Stream
 from swath.signals import Odometry, Scan
-from tests.control.canopy_scans import Canopy, add, answers
+from tests.control.block_rig import Rig
+from tests.control.canopy_scans import Canopy, answers
 from tests.control.closed_loop import Course, setup_of
 from tests.control.edge_drive import PERIOD, SPEED, along
 from tests.control.edge_rows import Reports, reports_of, see, straight
@@ -146,16 +143,15 @@ def test_the_feet_of_a_stand_that_leans_in_are_found(tilt):
 
 def test_what_may_lie_aside_turns_no_track():
     """Lodged tops, 0.3 m off all along: not an edge that goes inward."""
-    track = ArcTrack()
-    track.begin(Arc(0.0, 0.0, 0.0, 0.0))
+    track = Rig().begin(0.0, 0.0, 0.0)
     for _ in range(20):
-        track.advance(0.4)
-        track.accept(0.0, 0.02**2)
+        track("advance", 0.4)
+        track("accept", 0.0, 0.02**2, True)
     for lodged in range(1, 20):
-        track.advance(0.4)
-        track.accept(0.3 - track.arc.u, lodged * 0.8**2, turns=False)
-    assert abs(track.arc.angle) < 0.02
-    assert abs(track.arc.u) < 0.15
+        track("advance", 0.4)
+        track("accept", 0.3 - track.arc["u"], lodged * 0.8**2, False)
+    assert abs(track.arc["angle"]) < 0.02
+    assert abs(track.arc["u"]) < 0.15
 
 
 @pytest.mark.parametrize(("then", "level"), [(1.7, 0.1), (-1.7, -1.7)])
@@ -173,12 +169,12 @@ def test_puffs_are_no_ground_but_a_hollow_is(then, level):
 @pytest.mark.parametrize(("comes_again", "height"), [(0.03, 0.83), (0.4, 2.0)])
 def test_dust_is_no_tall_crop(comes_again, height):
     """More echoes at 1.9 m than from tops of the crop: puffs, of which few come again, or crop."""
-    populations, sides = Populations(), np.zeros((4, CLASSES))
+    rig, sides = Rig(), np.zeros((4, CLASSES))
     low, crop, high = (round((z - LOWEST) / LAYER) for z in (0.1, 0.8, 1.9))
     sides[0, [crop, high]], sides[1, low] = (300.0, 900.0), 300.0
     sides[2, [crop, high]], sides[3, low] = (200.0, comes_again * 900.0), 200.0
-    populations.begin(sides)
-    assert populations.heights()[0] == pytest.approx(height, abs=0.15)
+    rig("begin", sides)
+    assert rig("heights")[0] == pytest.approx(height, abs=0.15)
 
 
 def rows_seen(rows, seed, spread=0.06, turned=0.0, **block):
@@ -186,15 +182,16 @@ def rows_seen(rows, seed, spread=0.06, turned=0.0, **block):
 
     turned: the edge since, away from them [rad]; block: other numbers of its row
     """
-    feet, rng = CanopyFeet(0.75), np.random.default_rng(seed)
+    rig, rng = Rig(0.75), np.random.default_rng(seed)
     for turns in [*(20 * [0.0] if rows is not None else []), *(1 * [turned] if turned else [])]:
-        counts = np.zeros((PLACES, CLASSES))
         tops = [row + spread * rng.standard_normal(10) for row in rows] or rng.uniform(0.0, 2.25, (3, 10))
         places = ((np.concatenate(list(tops)) + HALF) / CELL).astype(int)
-        np.add.at(counts, (places, round((0.75 - LOWEST) / LAYER)), 1.0)
-        feet._look_for_rows(counts, 0.0, 0.4, 0.75, turns)
-    seen = {"height": 0.75, "crop": 0.8, "stopped": 1.0, "dust": 0.0, "overhang": feet.overhang(0.75)}
-    seen |= {"cosine": feet.tops[0], "sine": feet.tops[1], "noise": feet.noise, "along": feet.along}
+        rig.block.counts[:] = 0.0
+        np.add.at(rig.block.counts, (places, round((0.75 - LOWEST) / LAYER)), 1.0)
+        rig("look_for_rows", 0.0, 0.4, 0.75, turns)
+    (overhang, along), feet = rig("overhang", 0.75)[:2], rig.row["feet"]
+    seen = {"height": 0.75, "crop": 0.8, "stopped": 1.0, "dust": 0.0, "overhang": overhang}
+    seen |= {"cosine": feet["cosine"], "sine": feet["sine"], "noise": feet["noise"], "along": along}
     return see(reports_of(rows=0.75, view=3.0), straight(), **seen | block).copy()
 
 
@@ -210,7 +207,7 @@ def test_where_rows_stand_is_seen_by_their_period(seed):
     assert 0.03 < feet["shift_sd"] < 0.05
     further = rows_seen(ROWS, seed, overhang=0.6)  # half a spacing out of the row nearest to the place
     assert further["shift"] == pytest.approx(feet["shift"] + 0.75, abs=0.01)
-    assert CanopyFeet(0.125).spacing == 0.0
+    assert spacing_of(0.125) == 0.0
 
 
 def test_an_edge_that_turns_away_from_rows_is_not_told_by_them():
@@ -232,30 +229,30 @@ def test_tops_that_stand_anywhere_show_no_rows_and_the_edge_is_not_known():
 
 
 def test_a_puff_above_the_crop_is_worth_nothing():
-    populations, rng = Populations(), np.random.default_rng(1)
+    rig, rng = Rig(), np.random.default_rng(1)
     crop, stubble = np.zeros(CLASSES), np.zeros(CLASSES)
     np.add.at(crop, ((0.75 + 0.05 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
     np.add.at(stubble, ((0.1 + 0.05 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
     stubble[30:DUST] += 10.0
     stubble[DUST] += 100.0
-    populations.begin(np.stack([crop, stubble, crop, stubble]))
-    worth = populations.ratios()
+    rig("begin", [crop, stubble, crop, stubble])
+    worth = rig("ratios", 0.0, told=CLASSES)
     assert not worth[30 : DUST + 1].any()
     assert worth[int((0.75 - LOWEST) / LAYER)] > 2.0
 
 
 @pytest.mark.parametrize(("height", "is_mat"), [(0.02, False), (0.05, False), (0.14, True), (0.2, True)])
 def test_crop_that_lies_flat_is_no_hole(height, is_mat):
-    populations, rng = Populations(), np.random.default_rng(1)
+    rig, rng = Rig(), np.random.default_rng(1)
 
     def layers(middle):
         counts = np.zeros(CLASSES)
         np.add.at(counts, ((middle + 0.04 * rng.standard_normal(300) - LOWEST) / LAYER).astype(int), 1.0)
         return counts
 
-    populations.begin(np.stack(2 * [layers(0.75), layers(0.0)]))
-    assert populations.has_mat(layers(height)) == is_mat
-    assert not populations.has_mat(0.01 * layers(height))
+    rig("begin", 2 * [layers(0.75), layers(0.0)])
+    assert rig("has_mat", layers(height))[0] == is_mat
+    assert not rig("has_mat", 0.01 * layers(height))[0]
 
 
 def test_an_edge_is_told_from_three_blocks_on():
@@ -389,42 +386,33 @@ def test_an_edge_that_steps_into_the_crop_is_followed_there(depth, density):
 
 def test_crop_that_rises_is_seen_from_before_it():
     """From a headland its front is seen first, from the foot up: the edge begins anew until it is whole."""
-    track, at = BlockTrack(Search(spread=1.5, forget=9.0)), (0.0, 0.0, 0.0)
-    rng, tops = np.random.default_rng(5), [0.2, 0.4, 0.6, 0.8, 0.8, 0.8, 0.8, 0.8]
-    followed = []
-    for top in tops:
-        arc = track.track.arc
-        frame = EdgeFrame(10.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
-        for _ in range(5):
-            at = (at[0] + 0.1, 0.0, 0.0)
-            add(track, rays(rng, top), 0.1, frame, at, near=240)
-        followed.append(track.followed)
+    track, rng, followed = Rig(), np.random.default_rng(5), []
+    for k, top in enumerate([0.2, 0.4, 0.6, 0.8, 0.8, 0.8, 0.8, 0.8]):
+        for n in range(5):
+            track.add(rays(rng, top), 0.1, (0.1 * (5 * k + n), 0.0, 0.0), near=240)
+        followed.append(track.row["followed"])
     assert followed[:4] == [0] * 4
     assert followed[-1] >= 3
-    assert track.height == pytest.approx(0.75, abs=0.1)
+    assert track.row["height"] == pytest.approx(0.75, abs=0.1)
 
 
 def test_crop_that_stands_higher_than_an_unseen_one_is_taken_to_is_no_dust():
     """Maize, or crop on a crest that the stubble ahead lies far below."""
-    track, at = BlockTrack(Search(spread=1.5, forget=9.0)), (0.0, 0.0, 0.0)
-    rng = np.random.default_rng(6)
-    for _ in range(30):
-        arc = track.track.arc
-        frame = EdgeFrame(10.0, 0.0, 0.0, 0.0) if arc is None else arc.frame(*at)
-        at = (at[0] + 0.1, 0.0, 0.0)
-        scan = rays(rng, 2.0, 1.45, highest=HEADROOM * track.height + ROOM)
-        add(track, scan, 0.1, frame, at, near=240)
-    assert track.followed >= 3
-    assert track.height == pytest.approx(1.95, abs=0.1)
+    track, rng = Rig(), np.random.default_rng(6)
+    for k in range(30):
+        scan = rays(rng, 2.0, 1.45, highest=HEADROOM * track.row["height"] + ROOM)
+        track.add(scan, 0.1, (0.1 * k, 0.0, 0.0), near=240)
+    assert track.row["followed"] >= 3
+    assert track.row["height"] == pytest.approx(1.95, abs=0.1)
 
 
 def test_puffs_above_the_crop_make_no_tall_crop():
-    track, rng, low = BlockTrack(Search(spread=1.5, forget=9.0)), np.random.default_rng(7), []
+    track, rng, low = Rig(), np.random.default_rng(7), []
     for k in range(12):
         scan = rays(rng, 0.8)
         scan["height"][:20], scan["stands"][:20] = rng.uniform(1.0, 2.5, 20), False
-        add(track, scan, 0.1, EdgeFrame(10.0, 0.0, 0.0, 0.0), (0.1 * k, 0.0, 0.0), near=240)
-        low.append(track.height)
+        track.add(scan, 0.1, (0.1 * k, 0.0, 0.0), near=240)
+        low.append(track.row["height"])
     assert max(low) < 0.9
 
 

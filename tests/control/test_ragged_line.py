@@ -3,33 +3,35 @@
 import numpy as np
 import pytest
 
-from swath.control.edge.arc_track import Arc
-from swath.control.edge.block_track import DEEP
-from swath.control.edge.line.ragged_line import INNER, bite_of, ragged_line
+from tests.control.block_rig import Rig
 from tests.control.test_likelihood_ratio import SPEED, drive
+
+INNER, DEEP = 0.35, 0.2  # weight of a point inside the line, where one outside counts 1; m: bites
 
 
 def saw(depth, period, *, length=20.0, radius=np.inf):
-    """Rows of points of a saw along an edge that bends in its last 5 m, and its newest place."""
+    """Points of a saw along an edge that bends in its last 5 m, and a track at its newest place."""
     x = np.arange(-length, 0.01, 0.4)
     u = depth * (x / period % 1.0) + 0.5 * np.maximum(x + 5.0, 0.0) ** 2 / radius
     rows = np.column_stack([x, u, np.full(len(x), 1e-4), x + length])
-    return rows, Arc(float(x[-1]), float(u[-1]), 5.0 / radius, 0.0, distance=length)
+    return Rig().set_points(rows).begin(x[-1], u[-1], 5.0 / radius, 0.0, length)
 
 
 @pytest.mark.parametrize(("depth", "period"), [(0.4, 4.0), (0.6, 5.0)])
 def test_the_line_along_a_saw_is_the_expectile_of_its_depths(depth, period):
-    line, _ = ragged_line(*saw(depth, period), heading=0.0)
+    rig = saw(depth, period)
+    rig("bites_line", 0.0)
     share = np.sqrt(INNER) / (1.0 + np.sqrt(INNER))
-    behind = line.ahead(-7.0)
-    assert behind.u == pytest.approx(share * depth, abs=0.12 * depth)
-    assert abs(behind.angle) < 0.01
+    rig("ahead", -7.0)
+    assert rig.arc["u"] == pytest.approx(share * depth, abs=0.12 * depth)
+    assert abs(rig.arc["angle"]) < 0.01
 
 
 def test_bites_are_told_from_bends():
-    assert bite_of(*saw(0.4, 6.0)) > DEEP
-    assert bite_of(*saw(0.0, 6.0)) == 0.0
-    assert all(bite_of(*saw(0.0, 6.0, radius=r)) < 0.8 * DEEP for r in (12.0, -12.0, 20.0))
+    bites = lambda *of, **more: saw(*of, **more)("bites", 0.0)[0]  # noqa: E731
+    assert bites(0.4, 6.0) > DEEP
+    assert bites(0.0, 6.0) == 0.0
+    assert all(bites(0.0, 6.0, radius=r) < 0.8 * DEEP for r in (12.0, -12.0, 20.0))
 
 
 @pytest.mark.parametrize(("depth", "period"), [(0.45, 4.5), (0.6, 7.0)])

@@ -1,5 +1,5 @@
-// Class and place of every ray, see canopy_rays.py, and what they add to the block of their scan. Given back: whether Python has to
-// look at that, because it is full or has no room for one more scan.
+// Class and place of every ray, see canopy_rays.py, and what they add to the block of their scan. Given back: whether that has no
+// room for one more scan.
 const D limit = LIMIT * track.height, c = ::cos(s.edge_angle), sn = ::sin(s.edge_angle);
 const D rise = d.sign * step.rise, plane_x = s.is_seen != 0.0 ? s.middle_x : 0.0;
 auto clamped = [](D x, D low, D high) { return x > low ? (x < high ? x : high) : low; };  // nan is the least
@@ -66,4 +66,4 @@ b.near += middle;
 b.rise = rise;
 b.across = s.across;
 s.is_full = b.travel >= BLOCK;
-return s.is_full != 0.0 || ((int)b.rays + beam_count) * (int)(sizeof(Answer) / sizeof(D)) > m.answers.shape[0];
+return ((int)b.rays + beam_count) * (int)(sizeof(Answer) / sizeof(D)) > m.answers.shape[0];

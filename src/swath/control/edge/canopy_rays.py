@@ -6,7 +6,6 @@ that end of the way that lies deeper in the crop, less a part of a mean free pat
 compiled code (`detector_kernel`), over memory that is here.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,16 +18,6 @@ from swath.core.component import State
 from swath.core.frames import Pose
 from swath.kernels import filled
 from swath.signals import F64, beam_directions
-
-
-@dataclass(frozen=True)
-class EdgeFrame:
-    """An arc in the machine's (x, u): a point on it [m], its angle [rad] and bend [1/m] there."""
-
-    x: float
-    u: float
-    angle: float
-    bend: float
 
 
 class CanopyRays:
@@ -45,6 +34,7 @@ class CanopyRays:
 
     def clear(self) -> None:
         """Nothing seen; all beams count again."""
+        self.block.clear()
         self._beams["before"] = np.nan
         self._mean[:], self._covariance[:] = unseen(int(self._row["detector"]["cells"][0]), self._usual)
         own, ground, beams = self._canopy, self._row["ground"], len(self._beams)
@@ -54,12 +44,6 @@ class CanopyRays:
         stubble, variance = self._mean[:, STUBBLE], self._covariance[:, STUBBLE, STUBBLE]
         ground["plane"] = (share * stubble).sum()
         ground["plane_sd"] = np.sqrt((share * ((stubble - ground["plane"]) ** 2 + variance)).sum())
-
-    def seen(self) -> tuple[EdgeFrame, tuple[float, float, float]]:
-        """Where the edge was expected in the newest scan; x, u [m], heading [rad] of the machine then."""
-        own, step = self._canopy[0], self._row["step"][0]
-        edge = EdgeFrame(*(float(own[f"edge_{name}"]) for name in ("x", "u", "angle", "bend")))
-        return edge, (float(step["x"]), float(step["u"]), float(step["heading"]))
 
     def aim(self, azimuth: F64, elevation: F64, beam_t: F64) -> bool:
         """Angles [rad] and times [s] of the beams from now on; whether `memory` is another now."""
@@ -92,7 +76,8 @@ class CanopyRays:
         flat = {name: array.view(np.float64).reshape(-1) for name, array in own.items()}
         size = max(4 * len(self._beams), 5 * self._mean.shape[1])
         scratch = np.zeros((RAY.itemsize // 8 + 3) * len(self._beams) + size)
-        return filled(Memory, scratch=scratch, covariance=self._covariance.reshape(-1), **flat)
+        told = np.zeros((4, len(self.block.rays)))
+        return filled(Memory, scratch=scratch, told=told, covariance=self._covariance.reshape(-1), **flat)
 
     def save(self) -> State:
         """Everything that is needed to go on exactly; where the beams go is not."""

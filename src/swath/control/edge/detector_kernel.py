@@ -1,5 +1,6 @@
 """Likelihood-ratio detectors, compiled: *.cpp here, each with what it does, over rows of `detector_rows`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -7,10 +8,9 @@ import warp as wp
 
 from swath.control import inclination, yaw_rate
 from swath.control.edge import canopy_classes, detector_rows, ground_profile
+from swath.control.edge.block_rows import USUAL, VAGUE
 from swath.control.edge.detector_rows import ROW
-from swath.control.edge.feet.canopy_feet import USUAL
 from swath.control.edge.feet.overhang import DEVIATIONS, DIRECTIONS, LEANS
-from swath.control.edge.line.near_line import VAGUE
 from swath.control.edge.profile import EVENLY, LEAST_SURE, MAD, TOLERANCE, TUKEY, UNSURE
 from swath.control.inertial_kernel import incline, turn
 from swath.kernels import constants, exact_code
@@ -31,8 +31,11 @@ CANOPY, GROUND = (
 )
 
 
-def _code(*files: str, **numbers: Any) -> str:
-    """The body of a native function, in files, that knows rows and numbers by their names."""
+def code(*files: str, names: Mapping[Any, str] | None = None, **numbers: Any) -> str:
+    """The body of a native function, in files, that knows rows and numbers by their names.
+
+    names: of rows whose numbers are a base of a struct of that name
+    """
     kind = lambda v: "int" if isinstance(v, int) else "double"  # noqa: E731
     known = {k: v if isinstance(v, tuple) else (v,) for k, v in {**_KNOWN, **numbers}.items()}
     known = {k: v for k, v in known.items() if isinstance(v[0], int | float)}
@@ -43,6 +46,9 @@ def _code(*files: str, **numbers: Any) -> str:
         for k, v in known.items()
     ]
     body = exact_code(*(_FOLDER / f"{file}.cpp" for file in ("numbers", *files)))
+    for row, name in (names or {}).items():
+        own, head = detector_rows.members(row, names or {}), f"struct {name} : {name}Row "
+        body = body.replace(head, f"struct {name}Row {{ {own} }};\n{head}")
     return "\n".join([*lines, detector_rows.structs(), body])
 
 
@@ -50,7 +56,8 @@ def _code(*files: str, **numbers: Any) -> str:
 class Memory:
     """What `Canopy` holds of a world: rows of `detector_rows`, flat.
 
-    mean, covariance: state of the profile, at each scale; counts, solid: of `Block`
+    mean, covariance: state of the profile, at each scale; counts, solid: of `Block`; told: room for
+    four numbers of each of its rays
     """
 
     row: wp.array(dtype=wp.float64)
@@ -61,6 +68,7 @@ class Memory:
     mean: wp.array(dtype=wp.float64)
     covariance: wp.array(dtype=wp.float64)
     scratch: wp.array(dtype=wp.float64)
+    told: wp.array2d(dtype=wp.float64)
 
 
 Ranges = wp.array3d(dtype=wp.float32)
@@ -68,7 +76,7 @@ Numbers = wp.array(dtype=wp.float64)
 Grid = wp.array2d(dtype=wp.float64)
 
 
-@wp.func_native(_code("begin_step"))
+@wp.func_native(code("begin_step"))
 def begin_step(
     row: Numbers,
     unit: Numbers,
@@ -80,23 +88,23 @@ def begin_step(
 ): ...
 
 
-@wp.func_native(_code("canopy_rows", "silent_beams"))
+@wp.func_native(code("canopy_rows", "silent_beams"))
 def find_silent(w: int, stamp: wp.int64, ranges: Ranges, m: Memory) -> bool: ...
 
 
-@wp.func_native(_code("canopy_rows", "trace_beams", **CANOPY))
+@wp.func_native(code("canopy_rows", "trace_beams", **CANOPY))
 def trace_beams(w: int, stamp: wp.int64, ranges: Ranges, m: Memory): ...
 
 
-@wp.func_native(_code("canopy_rows", "stubble_plane", **CANOPY))
+@wp.func_native(code("canopy_rows", "stubble_plane", **CANOPY))
 def fit_stubble(m: Memory): ...
 
 
-@wp.func_native(_code("canopy_rows", "ground_profile", **GROUND))
+@wp.func_native(code("canopy_rows", "ground_profile", **GROUND))
 def go_over(m: Memory): ...
 
 
-@wp.func_native(_code("canopy_rows", "answer_rays", **CANOPY))
+@wp.func_native(code("canopy_rows", "answer_rays", **CANOPY))
 def answer_rays(m: Memory) -> bool: ...
 
 
@@ -145,7 +153,7 @@ def take(
     """A scan of each world into its block, where it is new. stamps: its time [ns].
 
     ranges: (worlds, beams, echoes) [m], no echoes = none was sent
-    needs: set where a block is full, or has no room for one more scan
+    needs: set where a block has no room for one more scan
     """
     w = wp.tid()
     if active[w]:
@@ -158,7 +166,7 @@ def take(
                 needs[0] = 1
 
 
-@wp.func_native(_code("feet/overhang", "line/near", "report", **_TOLD))
+@wp.func_native(code("feet/overhang", "line/near", "report", **_TOLD))
 def tell(row: Numbers, points: wp.array(dtype=wp.vec4d), edge: wp.array(dtype=wp.uint8), stage: int): ...
 
 

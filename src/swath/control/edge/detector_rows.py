@@ -1,5 +1,6 @@
 """Numbers of likelihood-ratio detectors that compiled code and Python share: structs of both."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -45,10 +46,10 @@ ROWS = {
         normal=NORMAL.size,
         place=3,
     ),
-    # As the newest scan left it. edge: as of `EdgeFrame`; across: as below; beams, room: of the scan,
-    # most that were used; falling, beside: rays, echoes of the stubble; level, slope, known: plane of the
-    # stubble; middle: of what shows it, where it is seen; grade: by which it rises [1]; echo: of find_silent;
-    # is_full: a block; from cell_travel on: of the profile
+    # As the newest scan left it. edge: a point of its arc, angle, bend there; across: as below; beams, room:
+    # of the scan, most that were used; falling, beside: rays, echoes of the stubble; level, slope, known:
+    # plane of the stubble; middle: of what shows it, where it is seen; grade: by which it rises [1]; echo: of
+    # find_silent; is_full: a block; from cell_travel on: of the profile
     "canopy": _row(
         "travel edge_x edge_u edge_angle edge_bend across beams room falling beside level slope is_known "
         "is_seen middle_x middle_u grade echo_beams echo_scans "
@@ -65,9 +66,10 @@ ROWS = {
     # that they are of
     "counted": _row("travel along near scans lost rise across rays first next"),
     # What changes with a block. Whether there is a track, and whether it is told; x, u [m], angle [rad], bend
-    # [1/m] and distance [m] of that; of `BlockTrack`; of `Populations` from crop to dust; swing of the wall
-    # [m]; share and foot [m] of a ramp; tops over rows: sums of cosines, sines, their noise, how sure the
-    # edge goes along them; overhang that was learned [m]; how many points and returns there are
+    # [1/m] and distance [m] of that; from bite to height: as of block_track.cpp; from crop to dust: of both
+    # sides, see populations.cpp; swing of the wall [m]; share and foot [m] of a ramp; tops over rows: sums of
+    # cosines, sines, their noise, how sure the edge goes along them; overhang that was learned [m]; how many
+    # points and returns there are
     "block": _row(
         "has_arc is_begun x u angle bend distance bite turn_sd agreed scatter blank height crop stubble "
         "stopped dust swing lean foot cosine sine noise along overhang points returns"
@@ -102,13 +104,14 @@ ANSWER = _row("height upper lower stands cell ahead scan")
 def structs() -> str:
     """All of them in C++."""
     own = {"Row": ROW, "Beam": BEAM, "Ray": RAY, "Answer": ANSWER}
-    return "\n".join(f"struct {name} {{ {_members(kind)} }};" for name, kind in own.items())
+    return "\n".join(f"struct {name} {{ {members(kind, {})} }};" for name, kind in own.items())
 
 
-def _members(kind: np.dtype[Any]) -> str:
-    own = {name: kind[name] for name in kind.names or ()}
-    each = (
-        f"struct {{ {_members(k)} }} {n}" if k.names else f"double {n}" + "".join(f"[{i}]" for i in k.shape)
-        for n, k in own.items()
-    )
-    return " ".join(f"{member};" for member in each)
+def members(row: np.dtype[Any], names: Mapping[np.dtype[Any], str]) -> str:
+    """Those of a struct in C++. names: of rows in it whose structs have one."""
+    made = []
+    for name in row.names or ():
+        kind, shape = row[name].subdtype or (row[name], ())
+        own = f"struct {{ {members(kind, names)} }}" if kind.names else "double"
+        made.append(f"{names.get(kind, own)} {name}{''.join(f'[{n}]' for n in shape)};")
+    return " ".join(made)

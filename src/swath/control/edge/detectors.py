@@ -6,9 +6,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from swath.compiled import Compiled
+from swath.control.edge.block_rows import COLUMNS, USUAL_HEIGHT
+from swath.control.edge.block_tracks import BlockTracks
+from swath.control.edge.blocks import Block
 from swath.control.edge.canopy_rays import CanopyRays
 from swath.control.edge.detector_rows import ALL, EDGE, FEET, POINTS, ROW, ROWS
-from swath.control.edge.line.near_line import COLUMNS
 from swath.control.inertial_memory import AllInertial
 from swath.core.component import State
 from swath.core.ops import Call
@@ -18,7 +20,6 @@ from swath.core.together import Given, Samples, field_of
 from swath.kernels import Repeated, of_worlds, shared, start_warp
 from swath.signals import F64, CropEdge, CropFlow, Inertial, Odometry, Scan
 
-BEGIN = 3  # blocks: a line through two shows nothing of its own error
 ANGLES = "azimuth", "elevation", "beam_t"
 
 
@@ -26,7 +27,7 @@ class Detectors(Compiled):
     """The detectors of many worlds.
 
     rows: of ROW, (worlds,); steps, detectors, blocks, ground, told, lines, feet: their parts
-    points: of the edge, as `EdgePoints` has them, (worlds, POINTS, COLUMNS)
+    points: of the edges, as line/edge_points.cpp has them, (worlds, POINTS, COLUMNS)
     """
 
     reads: ClassVar = {"scan": Scan, "odometry": Odometry, "flow": CropFlow}
@@ -35,17 +36,20 @@ class Detectors(Compiled):
     def __init__(self, parts: Sequence[Any]) -> None:
         n = len(parts)
         super().__init__(n, {"edge": row_of(CropEdge, n)})
-        self.parts, self.rows, self.points = parts, np.zeros(n, ROW), np.zeros((n, POINTS, COLUMNS))
-        parts_of = {name: self.rows[name] for name in ROWS}
-        self.steps, self.detectors, self._canopies = (parts_of[n] for n in ("step", "detector", "canopy"))
-        self.blocks, self.ground, self.told = (parts_of[n] for n in ("block", "ground", "told"))
-        self.lines, self.feet = parts_of["line"], parts_of["feet"]
+        self.parts, self.rows = parts, np.zeros(n, ROW)
+        of = {name: self.rows[name] for name in ROWS}
+        self.steps, self.detectors, self.blocks, self.ground = (
+            of[name] for name in ("step", "detector", "block", "ground")
+        )
+        self.told, self.lines, self.feet = of["told"], of["line"], of["feet"]
         for world, part in enumerate(parts):
             self.detectors[world] = part.row
-        self.tracks = [part.track(self.rows[w : w + 1]["counted"]) for w, part in enumerate(parts)]
+        self.tracks = BlockTracks(n)
+        self.points: F64 = self.tracks.rows["points"]["rows"].reshape(n, POINTS, COLUMNS)
+        each = [self.rows[world : world + 1] for world in range(n)]
         self._rays = [
-            CanopyRays(part.mounting, part.stubble, self.rows[w : w + 1], self.tracks[w].block)
-            for w, part in enumerate(parts)
+            CanopyRays(part.mounting, part.stubble, row, Block(row["counted"]))
+            for part, row in zip(parts, each, strict=True)
         ]
         self._upward, self._turning = AllInertial(n), AllInertial(n)
         self._angles: tuple[Any, ...] = ()  # of the beams
@@ -53,13 +57,13 @@ class Detectors(Compiled):
     def reset(self, streams: Sequence[Stream]) -> Mapping[str, Samples]:
         """No edge at t = 0: nothing was seen yet."""
         self.steps[:], self.feet[:] = 0, 0
-        for world, (part, track, rays) in enumerate(zip(self.parts, self.tracks, self._rays, strict=True)):
+        for world, (part, rays) in enumerate(zip(self.parts, self._rays, strict=True)):
             for memory, own in zip((self._upward, self._turning), part.memories, strict=True):
                 memory.load(world, own)
-            track.clear()
             rays.clear()
-            track.feet.compile()
-            self._learn(world)
+        self.tracks.clear()
+        self.blocks[:] = 0
+        self.blocks["height"] = USUAL_HEIGHT
         self.reports()[-1].launch()
         return self.sent_at(0)
 
@@ -69,7 +73,8 @@ class Detectors(Compiled):
         return super().step(t, dt, inputs)
 
     def launches(self) -> Sequence[Repeated]:
-        """What came with the step, a scan into its block, then what is told of the edge."""
+        """What came with the step, a scan into its block, the look at that, then what is told of the edge."""
+        from swath.control.edge.block_kernel import look
         from swath.control.edge.detector_kernel import Memory, drive, take
 
         scan, trail = self.given.get("scan"), self.heard.get("inertial")
@@ -89,8 +94,9 @@ class Detectors(Compiled):
             *heard,
             self.launch(drive, self.active, self.clock, *came),
             self.launch(take, self.active, self.needs, *sent, self._memories),
+            self.launch(look, self.active, self._memories, *self.tracks.given()),
         ]
-        self._taken = len(first) - 1
+        self._taken = len(first) - 2
         ask = [self.asking()] if any(part.outward for part in self.parts) else []
         feet, edge, both = self.reports()
         return [*first, *([feet, *ask, edge] if ask else [both])]
@@ -112,7 +118,7 @@ class Detectors(Compiled):
         return None if scan is None or "azimuth" not in scan.alike else super().calls()
 
     def supply(self, stage: int) -> None:
-        """Full blocks are looked at; what other scanners say of the lean."""
+        """Room for more rays; what other scanners say of the lean."""
         if stage > self._taken:
             for world, part in enumerate(self.parts):
                 feet = self.feet[world]
@@ -120,12 +126,7 @@ class Detectors(Compiled):
                 self.told[world] = (told is not None, *(told or (0.0, 0.0)))
             return
         for world in np.flatnonzero(self.active).tolist():
-            rays, track = self._rays[world], self.tracks[world]
-            if self._canopies["is_full"][world]:
-                self._canopies["is_full"][world] = 0.0
-                track.add(*rays.seen(), float(self.ground["plane"][world]))
-                self._learn(world)
-            if rays.make_room():
+            if self._rays[world].make_room():
                 self._renew(world)
 
     def _renew(self, world: int) -> None:
@@ -134,51 +135,24 @@ class Detectors(Compiled):
             self._held[world] = self._rays[world].memory()
             self._memories.numpy()[world] = self._held[world].numpy_value()
 
-    def _learn(self, world: int) -> None:
-        """What the next scan and the report read of the blocks."""
-        track = self.tracks[world]
-        arc, top, feet = track.track.arc, track.height, track.feet
-        if arc is None:
-            self.blocks[world] = 0
-            self.blocks["height"][world] = top
-            return
-        row = (
-            *(1.0, track.followed >= BEGIN, arc.x, arc.u, arc.angle, arc.bend, arc.distance),
-            *(track.bite, track.turn_sd, track.agreed, track.scatter, track.blank, top),
-            *(*track.populations.heights(), track.populations.dust(), track.jagged.swing(top)),
-            *(*feet.lean[:2], *feet.tops.tolist(), feet.noise, feet.along if feet.spacing else 0.0),
-        )
-        self.learn(world, (*row, feet.overhang(top)), track.points.rows, track.points.returns)
-
-    def learn(self, world: int, row: Sequence[float], points: F64, returns: Sequence[float]) -> None:
-        """What the report reads from now on.
-
-        row: of the block, but for the last two numbers; points: (n, COLUMNS); returns: as of `EdgePoints`
-        """
-        back = self.rows["back"][world]
-        points, returns = points[-POINTS:], returns[-len(back) :]
-        self.blocks[world] = (*row, len(points), len(returns))
-        self.points[world, : len(points)], back[: len(returns)] = points, returns
-
     def save(self, world: int) -> State:
         """Everything that is needed to go on exactly."""
         own = {"upward": self._upward, "turning": self._turning}
         kept: State = {name: memory.save(world) for name, memory in own.items()}
-        kept["step"], kept["track"], kept["rays"] = (
-            self.steps[world].copy(),
-            self.tracks[world].save(),
-            self._rays[world].save(),
-        )
-        return kept
+        own_rows = {name: self.rows[name][world].copy() for name in ("step", "block", "back")}
+        track = self.tracks.rows.view(np.float64).reshape(self.worlds, -1)[world].copy()
+        rays = self._rays[world]
+        return kept | own_rows | {"track": track, "rays": rays.save(), "counted": rays.block.save()}
 
     def load(self, world: int, state: State) -> None:
         """Take on a state that `save` gave."""
         self._upward.load(world, state["upward"])
         self._turning.load(world, state["turning"])
-        self.steps[world] = state["step"]
-        self.tracks[world].load(state["track"])
+        for name in ("step", "block", "back"):
+            self.rows[name][world] = state[name]
+        self.tracks.rows.view(np.float64).reshape(self.worlds, -1)[world] = state["track"]
+        self._rays[world].block.load(state["counted"])
         self._rays[world].load(state["rays"])
-        self._learn(world)
         self._renew(world)
 
     def _aim(self, scan: Samples | Scan | None) -> None:

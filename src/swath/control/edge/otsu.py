@@ -13,7 +13,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from swath.compiled import Compiled
-from swath.control.edge.feet.canopy_offset import CanopyOffset
+from swath.control.edge.feet.canopy_offset import shapes_of, tables_of
 from swath.control.edge.profile import crop_sign
 from swath.control.inclination import SINCE, TURN, UP
 from swath.control.inertial_memory import AllInertial
@@ -117,11 +117,11 @@ class Detectors(KeepsRows, Compiled):
         self._edges = self.sent["edge"].memory.view(np.float64).reshape(n, -1)
         self._settings = Rows(kernel.Settings, n, [_settings(part) for part in parts])
         parts_of = {part.params.echo_parts for part in parts}
-        tables = {count: CanopyOffset(1.0, 0.0, parts=count) for count in parts_of}
-        structs = {count: filled(Offset, **table.tables) for count, table in tables.items()}
+        tables = {count: tables_of(count) for count in parts_of}
+        structs = {count: filled(Offset, **own) for count, own in tables.items()}
         self._held = [structs[part.params.echo_parts] for part in parts]
         self._offsets = of_worlds(Offset, self._held)
-        places, layers, logs, scores = next(iter(tables.values())).shapes
+        places, layers, logs, scores = shapes_of(next(iter(tables.values())))
         self._states = Rows(kernel.State, n)
         self._tracks, self._seen = np.zeros((n, ROOM, 7)), np.zeros((n, *places))
         self._heights = np.zeros((n, *layers))

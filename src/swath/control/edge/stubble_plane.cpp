@@ -13,22 +13,6 @@ auto weight_of = [](D away) {
   const D more = 1.0 + away * away;
   return more * more;
 };
-auto ordered = [&](int count) __attribute__((noinline)) {  // numbers in `order`
-  for (int gap = count / 2; gap > 0; gap /= 2)
-    for (int i = gap; i < count; ++i) {
-      const D v = order[i];
-      int k = i;
-      for (; k >= gap && order[k - gap] > v; k -= gap) order[k] = order[k - gap];
-      order[k] = v;
-    }
-};
-auto low_quarter = [&](int count) {
-  ordered(count);
-  const D place = (count - 1) * 0.25;
-  const int first = (int)place, next = first + 1 < count ? first + 1 : first;
-  const D share = place - first, apart = order[next] - order[first];
-  return share >= 0.5 ? order[next] - apart * (1.0 - share) : order[first] + apart * share;
-};
 auto set = [&](D level, D slope) {
   s.level = level;
   s.slope = within(-STEEP, slope, STEEP);
@@ -50,10 +34,7 @@ auto fit = [&]() __attribute__((noinline)) {
     own_u[i] -= middle;
     order[i] = own_z[i];
   }
-  if (is_first) {
-    ordered(count);
-    level = count % 2 ? order[count / 2] : (order[count / 2 - 1] + order[count / 2]) / 2.0;
-  }
+  if (is_first) level = Np::median(order, count);
   D before = level;
   for (int round = is_first ? 0 : 1; round < 3; ++round) {  // at first any slope, then the nearest plane
     const D spread = round == 0 ? GROUND_REACH : GROUND_SPREAD;
@@ -71,7 +52,7 @@ auto fit = [&]() __attribute__((noinline)) {
     slope = (s0 * b1 - s1 * b0) / det;
     if (round) continue;
     for (int i = 0; i < count; ++i) order[i] = own_z[i] - slope * own_u[i];
-    level = before = low_quarter(count);
+    level = before = Np::percentile(order, count, 0.25);
   }
   set(level - slope * middle, slope);
 };
@@ -99,7 +80,7 @@ for (int round = 0; round < 2; ++round) {
 if (close < FEW && n >= MANY) {
   s.slope = s.is_known = 0.0;
   for (int i = 0; i < n; ++i) order[i] = z[i];
-  s.level = low_quarter(n);
+  s.level = Np::percentile(order, n, 0.25);
   fit();
 } else if (close < FEW) {
   s.level *= RELAX;

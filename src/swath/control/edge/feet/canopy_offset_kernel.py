@@ -197,27 +197,3 @@ def count_rays(o: Offset, r: Rays, seen: Table, heights: Numbers) -> bool:
             else:
                 seen[0, k] += COUNT
     return True
-
-
-@wp.kernel
-def learn(
-    offsets: wp.array(dtype=Offset),
-    rays: wp.array2d(dtype=wp.float64),
-    asked: Numbers,
-    seen: Table,
-    heights: Numbers,
-    logs: Table,
-    score: Table,
-):
-    """rays: rows upper, lower, height; asked: how many, top, limit, guess of the shift [m], 1 where it is to
-    be fitted, then what it comes to.
-    """
-    r = Rays()
-    r.upper = rays[0]
-    r.lower = rays[1]
-    r.level = rays[2]
-    r.count = int(asked[0])
-    r.top = asked[1]
-    r.limit = asked[2]
-    if count_rays(offsets[0], r, seen, heights) and asked[4] > ZERO:
-        asked[5] = fitted_shift(offsets[0], asked[3], seen, logs, score)
