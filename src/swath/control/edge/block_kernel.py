@@ -21,12 +21,13 @@ KNOWN: dict[str, Any] = {name: value for name, value in _NUMBERS.items() if name
 KNOWN |= {"names": KNOWN.pop("NAMES")}
 
 
-@wp.func_native(code(*FILES, "look_at_block", **KNOWN))
-def look_at_block(m: Memory, track: Numbers) -> int: ...
+# calls are nothing here, some times a second; each copy of a function takes its time to compile
+_BODY = code(*FILES, "look_at_block", **KNOWN)
+_ALONE = f"#pragma clang attribute push(__attribute__((noinline)), apply_to=function)\n{_BODY}\n"
 
 
-@wp.func_native(code(*FILES, "end_block", **KNOWN))
-def end_block(m: Memory, track: Numbers, found: wp.float64): ...
+@wp.func_native(f"{_ALONE}#pragma clang attribute pop\n")
+def look_at_block(m: Memory, track: Numbers, ends: bool, found: wp.float64) -> int: ...
 
 
 @wp.kernel
@@ -48,7 +49,7 @@ def look(
     if active[w]:
         m = memories[w]
         found = wp.float64(wp.nan)
-        count = look_at_block(m, tracks[w])
+        count = look_at_block(m, tracks[w], False, found)
         if count >= 0:
             r = Rays()
             r.upper = m.told[0]
@@ -60,4 +61,4 @@ def look(
             is_due = m.told[3, 3] > wp.float64(0.0)
             if count_rays(offsets[0], r, seen[w], heights[w]) and is_due:
                 found = fitted_shift(offsets[0], m.told[3, 2], seen[w], scratch[0], scratch[1])
-        end_block(m, tracks[w], found)
+        look_at_block(m, tracks[w], True, found)
