@@ -25,7 +25,7 @@ struct Arc : ArcRow {
   __attribute__((noinline)) Arc ahead(D way, bool is_seen = true) const {
     const D f[9] = {1.0, way, 0.5 * way * way, 0.0, 1.0, way, 0.0, 0.0, 1.0};
     Arc on = *this;
-    Np::moved(f, covariance, on.covariance);
+    Np::transform(f, covariance, on.covariance);
     const D step = __builtin_fabs(way);
     on.covariance[0] += 1e-5 * step;
     if (is_seen) on.covariance[4] += ANGLE_STEP * ANGLE_STEP * step, on.covariance[8] += BEND_STEP * BEND_STEP * step;
@@ -44,7 +44,7 @@ struct Arc : ArcRow {
     const D clipped = within(-limit, beside, limit);
     const D left[9] = {1.0 - gain[0], 0.0, 0.0, 0.0 - gain[1], 1.0, 0.0, 0.0 - gain[2], 0.0, 1.0};
     Arc on = *this;
-    Np::moved(left, covariance, on.covariance);
+    Np::transform(left, covariance, on.covariance);
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) on.covariance[3 * i + j] += variance * (gain[i] * gain[j]);
     on.x = x - gain[0] * clipped * ::sin(angle);

@@ -45,7 +45,7 @@ def code(*files: str, names: Mapping[Any, str] | None = None, **numbers: Any) ->
         else f"constexpr {kind(v[0])} {k} = {v[0]!r};"
         for k, v in known.items()
     ]
-    body = exact_code(*(_FOLDER / f"{file}.cpp" for file in ("numbers", *files)))
+    body = exact_code(*(_FOLDER / f"{file}.cpp" for file in ("numbers", "moved", *files)))
     for row, name in (names or {}).items():
         own, head = detector_rows.members(row, names or {}), f"struct {name} : {name}Row "
         body = body.replace(head, f"struct {name}Row {{ {own} }};\n{head}")

@@ -1,4 +1,4 @@
-// Before native functions of a detector: numbers as Python and numpy have them. What is `noinline` is compiled once, not where it
+// Before native functions: numbers as Python and numpy have them. What is `noinline` is compiled once, not where it
 // is called: half the time that a module takes.
 
 typedef double D;
@@ -69,7 +69,7 @@ struct Np {  // as numpy has it
   static void times(const D* a, const D* b, D* into) {
     for (int i = 0; i < 3; ++i) into[i] = (a[3 * i] * b[0] + a[3 * i + 2] * b[2]) + a[3 * i + 1] * b[1];
   }
-  __attribute__((noinline)) static void moved(const D* a, const D* p, D* into) {
+  __attribute__((noinline)) static void transform(const D* a, const D* p, D* into) {
     for (int i = 0; i < 3; ++i) {
       D row[3];
       for (int j = 0; j < 3; ++j) row[j] = (a[3 * i] * p[j] + a[3 * i + 1] * p[3 + j]) + a[3 * i + 2] * p[6 + j];
@@ -85,11 +85,3 @@ static constexpr auto sum_of = [](int n, auto number) {  // of at most 384 numbe
 };
 static constexpr auto mean_of = [](const D* a, int n) { return sum(a, n) / n; };
 static constexpr auto whole_of = [](D x) { return (int)__builtin_rint(x); };  // as `round` of Python
-// where a machine is that stood at a step's place when its scan ended, some seconds after that: along its heading, and aside by
-// crab, the side slip of the fixed axle per side force in g
-struct Frame { D x, u, angle; };
-auto moved = [](const auto& d, const auto& step, D seconds) {
-  const D crab = d.crab * (step.rise + d.sign * step.speed * step.yaw_rate / GRAVITY);
-  const D course = step.heading + 0.5 * step.yaw_rate * seconds - d.sign * crab, way = step.speed * seconds;
-  return Frame{step.x + way * ::cos(course), step.u + way * ::sin(course), step.heading + step.yaw_rate * seconds};
-};

@@ -1,11 +1,14 @@
 """How far the feet stand behind the canopy's edge, compiled: see `canopy_offset`."""
 
+from pathlib import Path
+
 import warp as wp
 
-from swath.kernels import constants
+from swath.kernels import constants, exact_code
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 
+_NUMBERS = exact_code(Path(__file__).parents[1] / "numbers.cpp")
 real = wp.float64
 Numbers = wp.array(dtype=wp.float64)
 Table = wp.array2d(dtype=wp.float64)
@@ -52,24 +55,7 @@ class Rays:
     count: int
 
 
-@wp.func_native("""
-auto sum = [](const auto& again, const double* a, int n) -> double {
-  double total = 0.0;
-  if (n < 8) {
-    for (int i = 0; i < n; ++i) total += a[i];
-  } else if (n > 128) {
-    const int half = n / 2 - n / 2 % 8;
-    total = again(again, a, half) + again(again, a + half, n - half);
-  } else {
-    double r[8];
-    for (int i = 0; i < n - n % 8; ++i) r[i % 8] = i < 8 ? a[i] : r[i % 8] + a[i];
-    total = ((r[0] + r[1]) + (r[2] + r[3])) + ((r[4] + r[5]) + (r[6] + r[7]));
-    for (int i = n - n % 8; i < n; ++i) total += a[i];
-  }
-  return total;
-};
-return sum(sum, values.data, count);
-""")
+@wp.func_native(_NUMBERS + "return sum(values.data, count);")
 def sum_of(values: Numbers, count: int) -> wp.float64:
     """Sum in the order in which numpy adds: of halves, down to 128 numbers, these in eight rows."""
 

@@ -137,7 +137,7 @@ struct BrokenLine {
     found.cost = fits + WRONG * (wrong > 0 ? wrong : 0) + CHANGES * changes;
     const D to[9] = {1.0, 0.0, 0.5 * now * square(since), 0.0, 1.0, -now * since, 0.0, 0.0, now};
     Np::times(to, line.p, found.state);
-    Np::moved(to, line.covariance, found.covariance);
+    Np::transform(to, line.covariance, found.covariance);
   }
   static int place_count(int count) { return count > APART ? (count - APART + APART - 1) / APART : 0; }
   int fewest() const { return used.count - MOST_WRONG > FEWEST_BLOCKS ? used.count - MOST_WRONG : FEWEST_BLOCKS; }
