@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from swath.core.files.temporary import TemporaryFolder
+from swath.core.rows import address as address
 
 # Kernels are compiled for this processor, or for the one that SWATH_CPU names as Clang does (`haswell` has
 # AVX2 and no AVX-512): the results are the same.
@@ -104,14 +105,6 @@ def filled_by(kind: Any, owner: Any) -> Any:
 def exact_code(*files: Path) -> str:
     """The body of a native function, in files, that has `ExactSum` and `exact_length` of exact.cpp."""
     return "\n".join(f.read_text(encoding="utf-8") for f in (Path(__file__).parent / "exact.cpp", *files))
-
-
-def address(array: Any) -> int:
-    """Where the numbers of an array begin in memory, in a sixth of the time of `array.ctypes.data`."""
-    try:
-        return ctypes.addressof(ctypes.c_char.from_buffer(array))
-    except (TypeError, ValueError):  # read-only, of no element, or with gaps
-        return int(array.ctypes.data)
 
 
 def constants(*values: float) -> tuple[Any, ...]:

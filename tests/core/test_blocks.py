@@ -26,7 +26,7 @@ def test_an_output_may_change_its_form_from_sample_to_sample(seed):
         blocks.add("combine.own", t, {"own": row})
         sent.append(sample)
         if rng.random() < 0.1 or t == 79:
-            seen = Seen([Block(trail, 0) for trail in blocks.take()])
+            seen = Seen([Block(trail, 0, count) for trail, count in blocks.take()])
             pieces = sorted(seen.blocks, key=lambda block: int(block.orders[0]))
             found += [block.sample(k) for block in pieces for k in range(len(block))]
     assert found == sent

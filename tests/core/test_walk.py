@@ -284,8 +284,8 @@ def test_what_waits_at_an_input_is_what_came_since_it_was_taken(seed):
         waiting.trail(row).append(k)
         wanted.append(row.each())
         if draw.random() < 0.2:
-            place = waiting.fixed(row, 3).address
-            assert [trail.address for trail in waiting.trails] == [place]
+            place = int(waiting.fixed(row, 3).head[0])
+            assert [int(trail.head[0]) for trail in waiting.trails] == [place]
         if draw.random() < 0.5:
             assert len(wanted) == len(waiting.rows())
             assert bool(waiting) == bool(wanted)

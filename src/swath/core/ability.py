@@ -1,6 +1,6 @@
 """Protocols that are asked for often: `isinstance` by the names of their members alone."""
 
-from functools import cache
+from functools import cache, partial
 from typing import Any, _ProtocolMeta
 
 
@@ -12,7 +12,7 @@ class ByMembers(_ProtocolMeta):
     """
 
     def __instancecheck__(self, instance: Any) -> bool:
-        return all(hasattr(instance, name) for name in _members(self))
+        return all(map(partial(hasattr, instance), _members(self)))
 
 
 @cache

@@ -5,19 +5,21 @@ end of a beat and before it is asked for anything (`look`). How long a beat is c
 (`Looker`) are shown samples at their time beside that, made where they are asked for (`Shown`).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swath.core.ability import ByMembers
-from swath.core.rows import HEAD, ROOM, Row, Spare, Trail, row_with
+from swath.core.rows import COUNT, HEAD, ROOM, Row, Spare, Trail, row_with
 from swath.core.signal import Signal
 from swath.core.together import field_of, plain
 
 Wire = tuple[str, str]
+Sent = tuple[tuple[str, type[Signal]], ...]
 Ints = NDArray[np.int64]
 S = TypeVar("S", bound=Signal)
 
@@ -73,31 +75,22 @@ def no_look() -> None:
 
 
 class Block:
-    """Samples of outputs of one type in one world, in the order in which they were sent."""
+    """Samples of outputs of one type in one world, in the order in which they were sent.
 
-    def __init__(self, trail: Trail, world: int) -> None:
+    count: how many; orders: place of each among all samples that were sent; times: when each was sent [ns]
+    is_even: whether all fields are numbers, flags or arrays of one size
+    """
+
+    def __init__(self, trail: Trail, world: int, count: int | None = None) -> None:
+        self.count = count = trail.count if count is None else count
         self.trail, self.world, self.kind = trail, world, trail.row.kind
         self.slot, self.output = trail.wire
+        self.orders, self.times = trail.orders[:count], trail.times[:count]
+        self.is_even = not trail.row.has_objects
         self._columns: dict[str, NDArray[Any]] = {}
-        self._count = trail.count
-
-    @cached_property
-    def orders(self) -> Ints:
-        """Place of each among all samples that were sent."""
-        return self.trail.orders[: self._count]
-
-    @cached_property
-    def times(self) -> Ints:
-        """When each was sent [ns]."""
-        return self.trail.times[: self._count]
-
-    @cached_property
-    def is_even(self) -> bool:
-        """Whether all fields are numbers, flags or arrays of one size."""
-        return not self.trail.row.has_objects
 
     def __len__(self) -> int:
-        return self._count
+        return self.count
 
     def last(self, name: str) -> Any:
         """A field of the newest."""
@@ -107,12 +100,14 @@ class Block:
         """A field, (k, ...); a pose as (k, 12): position, then rows of the rotation."""
         found = self._columns.get(name)
         if found is None:
-            found = self._columns[name] = self._column(name)
+            is_plain = self.is_even and name in self.trail.row.names
+            found = self.trail.memory[name][: self.count, self.world] if is_plain else self._column(name)
+            self._columns[name] = found
         return found
 
     def sample(self, k: int) -> Any:
         """One of them."""
-        trail, world, k = self.trail, self.world, k % self._count
+        trail, world, k = self.trail, self.world, k % self.count
         return trail.row.made(trail.memory[k, world : world + 1], [int(trail.stamps[k])])[0]
 
     @cached_property
@@ -122,7 +117,7 @@ class Block:
 
     def before(self, orders: Ints) -> Ints:
         """The newest of these when others were sent, -1 where there was none."""
-        return np.searchsorted(self.orders, orders, side="right") - 1
+        return self.orders.searchsorted(orders, side="right") - 1
 
     def _column(self, name: str) -> NDArray[Any]:
         found = self.values(name)
@@ -130,7 +125,7 @@ class Block:
 
     def values(self, name: str) -> NDArray[Any]:
         """As a column, but what is no number as the object that was sent."""
-        trail, count = self.trail, self._count
+        trail, count = self.trail, self.count
         if name in trail.row.names:
             held: NDArray[Any] = trail.memory[name][:count, self.world]
             return held
@@ -144,19 +139,19 @@ class _Joined(Block):
     """Several of one type, by order."""
 
     def __init__(self, blocks: Sequence[Block]) -> None:
-        self._blocks, self._columns = blocks, {}
+        self._blocks, self._columns, self.is_even = blocks, {}, False
         self.kind, self.slot, self.output = blocks[0].kind, "", ""
         self._order = np.argsort(np.concatenate([b.orders for b in blocks]), kind="stable")
         self.orders = np.concatenate([b.orders for b in blocks])[self._order]
         self.times = np.concatenate([b.times for b in blocks])[self._order]
-        self._count = len(self._order)
+        self.count = len(self._order)
         self._places = [(block, k) for block in blocks for k in range(len(block))]
 
     def last(self, name: str) -> Any:
         return self[name][-1]
 
     def sample(self, k: int) -> Any:
-        block, own = self._places[self._order[k % self._count]]
+        block, own = self._places[self._order[k % self.count]]
         return block.sample(own)
 
     def _column(self, name: str) -> NDArray[Any]:
@@ -164,12 +159,15 @@ class _Joined(Block):
 
 
 class Seen:
-    """What the slots of a world sent over a while. blocks: of each output, several where its form changed."""
+    """What the slots of a world sent over a while.
 
-    def __init__(self, blocks: Sequence[Block]) -> None:
+    blocks: of each output, several where its form changed; sent: slot and type of each
+    """
+
+    def __init__(self, blocks: Sequence[Block], sent: Sent | None = None) -> None:
         self.blocks = blocks
-        self._by_kind: dict[tuple[str, type[Signal]], Block | None] = {}
-        self._of_machine: dict[str, Seen | None] = {}  # None: all that was seen
+        self.sent = (*((block.slot, block.kind) for block in blocks),) if sent is None else sent
+        self._joined: dict[tuple[int, ...], Block] = {}
 
     @classmethod
     def of_one(cls, slot: str, t: int, outputs: Mapping[str, Signal]) -> "Seen":
@@ -183,27 +181,31 @@ class Seen:
 
     def of(self, kind: type[Signal], machine: str = "") -> Block | None:
         """All of a type, of one machine or of all; None where none came."""
-        key = machine, kind
-        if key not in self._by_kind:
-            found = [b for b in self.blocks if issubclass(b.kind, kind) and self._is_of(b, machine)]
-            self._by_kind[key] = found[0] if len(found) == 1 else _Joined(found) if found else None
-        return self._by_kind[key]
+        places = _places(self.sent, kind, machine)  # type: ignore[arg-type]
+        if len(places) < 2:
+            return self.blocks[places[0]] if places else None
+        if places not in self._joined:
+            self._joined[places] = _Joined([self.blocks[k] for k in places])
+        return self._joined[places]
 
     def machines(self, kind: type[Signal]) -> list[str]:
         """Machines whose samples of a type are among them."""
-        return list(dict.fromkeys(b.slot.partition(".")[0] for b in self.blocks if issubclass(b.kind, kind)))
+        places = _places(self.sent, kind, "")  # type: ignore[arg-type]
+        return list(dict.fromkeys([self.sent[k][0].partition(".")[0] for k in places]))
 
     def of_machine(self, machine: str) -> "Seen":
         """The same for one machine, "" = for all."""
-        if machine not in self._of_machine:
-            own = [b for b in self.blocks if self._is_of(b, machine)]
-            # not itself: a cycle would hold all samples until it is collected
-            self._of_machine[machine] = None if len(own) == len(self.blocks) else Seen(own)
-        return self._of_machine[machine] or self
+        places = _places(self.sent, Signal, machine)
+        return self if len(places) == len(self.blocks) else Seen([self.blocks[k] for k in places])
 
-    @staticmethod
-    def _is_of(block: Block, machine: str) -> bool:
-        return not machine or block.slot.partition(".")[0] == machine
+
+@lru_cache(maxsize=4096)
+def _places(sent: Sent, kind: type[Signal], machine: str) -> tuple[int, ...]:
+    """Which of what was sent is of a type and a machine, "" = of any."""
+    every = enumerate(sent)
+    return tuple(
+        k for k, (slot, own) in every if machine in ("", slot.partition(".")[0]) and issubclass(own, kind)
+    )
 
 
 class Shown(Mapping[str, Signal]):
@@ -278,9 +280,8 @@ class Blocks:
 
     def __init__(self) -> None:
         self._trails: dict[Wire, list[Trail]] = {}  # several where the form of the samples changed
-        self._rooms: dict[Wire, int] = {}  # how many samples came before a look
         self._heads: dict[Wire, Ints] = {}
-        self._spare: dict[Wire, Spare] = {}
+        self._spare: defaultdict[Wire, Spare] = defaultdict(Spare)
         self._asked: dict[tuple[type[Signal], str], list[Trail]] = {}  # of `trails`
         self.order = np.zeros(1, np.int64)
 
@@ -295,22 +296,31 @@ class Blocks:
         """The array by which compiled code knows the trail of an output, for life."""
         return self._heads.setdefault(wire, np.zeros(HEAD, np.int64))
 
-    def reserve(self, wire: Wire, row: Row, more: int) -> None:
-        """A trail of a row with room for so many more samples."""
-        self._trail(wire, row, more).reserve(more)
+    def reserve(self, senders: Iterable[tuple[Wire, Row, int]], span: int) -> None:
+        """Room for what is sent from rows within a time [ns], not more often than once in a period [ns]."""
+        for wire, row, period in senders:
+            known, more = self._trails.get(wire), span // period + 1
+            trail = known[-1] if known and known[-1].row is row else self._trail(wire, row)
+            if trail.head[COUNT] + more > len(trail.times):
+                trail.reserve(more)
 
-    def take(self) -> list[Trail]:
-        """Take everything; from now on it is empty."""
-        found = [trail for trails in self._trails.values() for trail in trails if trail.count]
-        for trail in found:
-            trail.close()
-        self._rooms |= {wire: max(trails[-1].count, 1) for wire, trails in self._trails.items()}
-        self._trails, self._asked = {}, {}
+    def take(self) -> list[tuple[Trail, int]]:
+        """Take everything, and how many samples there are; from now on it is empty."""
+        found = list[tuple[Trail, int]]()
+        for wire, trails in self._trails.items():
+            if full := [(trail, count) for trail in trails if (count := int(trail.head[COUNT]))]:
+                found += full
+                last, count = full[-1]
+                room = min(len(last.times), 2 * count + 2)
+                last.head = last.head.copy()
+                self._trails[wire] = [Trail(trails[-1].row, room, wire, self._heads[wire], self._spare[wire])]
+        self._asked = {}
         return found
 
     def waiting(self, world: int, kind: type[Signal], machine: str) -> Block | None:
         """Samples of a type and machine that nobody has looked at."""
-        own = [Block(trail, world) for trail in self.trails(kind, machine) if trail.count]
+        every = ((trail, trail.count) for trail in self.trails(kind, machine))
+        own = [Block(trail, world, count) for trail, count in every if count]
         return (own[0] if len(own) == 1 else Seen(own).of(kind)) if own else None
 
     def trails(self, kind: type[Signal], machine: str) -> Sequence[Trail]:
@@ -322,14 +332,12 @@ class Blocks:
             self._asked[kind, machine] = found
         return found
 
-    def _trail(self, wire: Wire, row: Row, room: int = ROOM) -> Trail:
+    def _trail(self, wire: Wire, row: Row) -> Trail:
         """Where the samples of a row come; another one where they came from another row."""
         trails = self._trails.setdefault(wire, [])
         if not trails or trails[-1].row is not row:
             if trails:
                 trails[-1].close()
             self._asked.clear()
-            spare = self._spare.setdefault(wire, Spare())
-            room = max(room, self._rooms.get(wire, 0))
-            trails.append(Trail(row, room, wire, self.head(wire), spare))
+            trails.append(Trail(row, ROOM, wire, self.head(wire), self._spare[wire]))
         return trails[-1]

@@ -356,6 +356,9 @@ class Lockstep:
         self._until, self._has_room = 0, False  # the next look [ns]; room for what ops send until then
         self._linked: set[Wire] = set()  # what ops read that parts in Python send
         self._readers: dict[Wire, list[Waiting]] = {}  # inputs with a history
+        # what ops send that observers take, and to whom of these that are no ops; with its period [ns]
+        self._senders: list[tuple[Wire, Row, int]] = []
+        self._waits: list[tuple[Waiting, Row, int]] = []
         self.connect()
         for graph in graphs:
             graph.lockstep = self
@@ -406,9 +409,10 @@ class Lockstep:
         self._has_room = False
         trails = self.blocks.take()
         self._has_news |= bool(trails)
+        sent = (*[(trail.wire[0], trail.row.kind) for trail, _ in trails],)
         for world in self.going if trails else ():
             if takers := self._watched[world].takers:
-                seen = Seen([Block(trail, world) for trail in trails])
+                seen = Seen([Block(trail, world, count) for trail, count in trails], sent)
                 for taker in takers:
                     taker.take(seen)
 
@@ -535,7 +539,7 @@ class Lockstep:
     def _go(self, program: Program, until: int, before: int = 0) -> None:
         """Walk ops as `Program.walk` does, and give them what they need."""
         if not self._has_room:
-            self._reserve(program)
+            self._reserve()
         need = program.walk(until, before)
         while need is not None:
             (member, op, stage), started = need, time.perf_counter()
@@ -553,25 +557,19 @@ class Lockstep:
             if errors := {world: error for world, error in op.errors.items() if self.active[world]}:
                 self._fail(errors)
                 program.end_with_tick()
-                self._reserve(program)
+                self._reserve()
             elif isinstance(op, EndsWorlds) and op.reasons:
                 program.end_with_tick()  # before the next one they end
             if not self.going:
                 return
             need = program.go_on()
 
-    def _reserve(self, program: Program) -> None:
+    def _reserve(self) -> None:
         """Room for what ops send until the next look."""
-        for place, member in program.by_place.items():
-            slot = self.plan.slots[place]
-            more = slot.count(self._until) - slot.count(self.t)
-            for output, row in member.op.sent.items():
-                wire = slot.name, output
-                if self._takes(slot.name, row.kind):
-                    self.blocks.reserve(wire, row, more)
-                for trail in (queue.trail(row) for queue in self._readers.get(wire, ())):
-                    if not trail.is_fixed:
-                        trail.reserve(more)
+        span = self._until - self.t + 1  # times are rounded
+        self.blocks.reserve(self._senders, span)
+        for queue, row, period in self._waits:
+            queue.trail(row).reserve(span // period + 1)
         self._has_room = True
 
     def _follow(self, program: Program, t: int, places: Collection[int]) -> None:
@@ -620,17 +618,21 @@ class Lockstep:
             for name in wrong:
                 del ops[name]
         members = list[Member]()
+        self._senders, self._waits = [], []
         for place, rank in enumerate(self._ranks):
             if (op := ops.get(rank.name)) is None:
                 continue
-            keeps = {}
+            keeps, period = {}, max(int(rank.slot.period), 1)
             for output, row in op.sent.items():
                 wire = rank.name, output
                 keeps[output] = [self.blocks.head(wire)] if self._takes(rank.name, row.kind) else []
+                self._senders += [(wire, row, period)] if keeps[output] else []
                 if (latest := self._latest[wire]) is not row:
                     row.take(latest.stacked)
                     self._latest[wire] = row
-                keeps[output] += [queue.trail(row).head for queue in self._readers.get(wire, ())]
+                queues = self._readers.get(wire, ())
+                keeps[output] += [queue.trail(row).head for queue in queues]
+                self._waits += [(queue, row, period) for queue in queues if not queue.trail(row).is_fixed]
             members.append(Member(place, op, keeps))
         self._set_looking({r.name: own for r in self._ranks if (own := self._looks_at(r, clock))})
         for member in members:

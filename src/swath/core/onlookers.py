@@ -55,13 +55,14 @@ class Onlookers:
 
     def __init__(self, observers: Sequence[Any], watches: Mapping[str, Callable[..., None]]) -> None:
         self._watches, self._known = watches, [*observers]
-        self.takers = _late(observers)
+        self._able = [o for o in observers if isinstance(o, TakesBlocks)]
+        self.takers = [o for o in self._able if o.is_late]
         self.enders = [o for o in observers if isinstance(o, EndsRun)]
 
     def is_same(self, observers: Sequence[Any], watches: Mapping[str, Callable[..., None]]) -> bool:
         """Whether nobody came or went since, and the same look now and then."""
-        pairs = (observers, self._known), (_late(observers), self.takers)
-        return self._watches is watches and all(len(a) == len(b) and all(map(is_, a, b)) for a, b in pairs)
+        late = [o for o in self._able if o.is_late]
+        return self._watches is watches and _are(observers, self._known) and _are(late, self.takers)
 
     def takes(self, slot: str, kind: type[Signal]) -> bool:
         """Whether one of them takes samples of a type from a slot."""
@@ -80,9 +81,8 @@ class Onlookers:
                 yield place, Looker(observer, _as_it_is(observer))
 
 
-def _late(observers: Sequence[Any]) -> list[Any]:
-    """The observers that look now and then."""
-    return [o for o in observers if isinstance(o, TakesBlocks) and o.is_late]
+def _are(some: Sequence[Any], others: Sequence[Any]) -> bool:
+    return len(some) == len(others) and all(map(is_, some, others))
 
 
 def _as_it_is(observer: Callable[..., None]) -> Callable[[str, int, Shown], None]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swath.core.ability import ByMembers
 from swath.core.errors import SwathError
-from swath.core.rows import Row, Trail
+from swath.core.rows import Row, Trail, address
 from swath.core.schedule import NEVER, Slot, due_after
 
 Wire = tuple[str, str]
@@ -210,8 +210,3 @@ class Program:
 
     def _line(self, *numbers: int) -> None:
         self._lines.append([*numbers, *[0] * (LINE - len(numbers))])
-
-
-def address(array: NDArray[Any]) -> int:
-    """Where an array begins in memory."""
-    return int(array.ctypes.data)

@@ -6,6 +6,7 @@ code finds both by their addresses (`core/ops.py`).
 """
 
 from collections.abc import Mapping, Sequence
+from ctypes import addressof, c_char
 from dataclasses import fields
 from functools import cache
 from math import prod
@@ -25,7 +26,7 @@ from swath.core.together import Samples, field_of, plain
 
 # Numbers by which compiled code knows a trail: address of its samples, how many there are and how many have
 # room, addresses of times, stamps, orders.
-HEAD, COUNT = 6, 1
+HEAD, COUNT, TIMES, STAMPS = 6, 1, 3, 4
 ROOM = 16  # samples of a trail for which there is memory at first
 NO_NUMBERS = ("array", "object")  # what needs an own place, see `Room`
 Ints = NDArray[np.int64]
@@ -49,6 +50,7 @@ class Row(Samples):
     memory: (worlds,) of a struct with a member for each field; stamp: (1,) their time [ns]
     names: of its members, `t` among them where each world has its own
     apart: why samples that were sent last are not of one time, "" = they are
+    is_held: whether any sample of its type fits, see `held_row`
     has_objects: whether members are what is no number, as it is: compiled code cannot read such a row
     """
 
@@ -58,6 +60,7 @@ class Row(Samples):
         self.memory, self.stamp = memory, np.zeros(1, np.int64)
         self.has_objects: bool = memory.dtype.hasobject
         self.names = memory.dtype.names or ()
+        self.is_held = self.names[:1] == ("t",)
         self._is_plain = self.has_objects or can_be_row(kind)
         self._read, self._poses, self._wholes, self._is_whole = _fields(kind, self.names)  # type: ignore[arg-type]
         self.renew()
@@ -77,11 +80,6 @@ class Row(Samples):
         """SwathError where samples are `apart`."""
         if self.apart:
             raise SwathError(self.apart)
-
-    @property
-    def is_held(self) -> bool:
-        """Whether any sample of its type fits, see `held_row`."""
-        return self.names[:1] == ("t",)
 
     @property
     def stacked(self) -> Samples:
@@ -203,16 +201,12 @@ class Row(Samples):
             pieces = ((t, memory[k : k + 1]) for k, t in enumerate(stamps))
             return [Samples(kind, t, {n: own[n] for n in names}, self.alike).of(0) for t, own in pieces]
         rows = memory.tolist()
-        if self._poses:
-            rows = [[*row] for row in rows]
-            for place in self._poses:
-                for row in rows:
-                    row[place] = _pose(row[place])
-        if self._is_whole:
-            heads = [()] * len(rows) if self.is_held else [(t,) for t in stamps]
-            return [kind(*head, *row) for head, row in zip(heads, rows, strict=True)]
+        for place in self._poses:
+            rows = [(*row[:place], _pose(row[place]), *row[place + 1 :]) for row in rows]
         if self.is_held:
-            return [_restored(kind, names, row) for row in rows]
+            return [kind(*row) if self._is_whole else _restored(kind, names, row) for row in rows]
+        if self._is_whole:
+            return [kind(t, *row) for t, row in zip(stamps, rows, strict=True)]
         return [kind(t, **dict(zip(names, row, strict=True))) for t, row in zip(stamps, rows, strict=True)]
 
 
@@ -320,16 +314,23 @@ def can_be_row(kind: type[Signal]) -> bool:
     return all(field.kind not in NO_NUMBERS for field in layout(kind).values())
 
 
+def address(array: Any) -> int:
+    """Where the numbers of an array begin in memory, in a sixth of the time of `array.ctypes.data`."""
+    try:
+        return addressof(c_char.from_buffer(array))
+    except (TypeError, ValueError):  # read-only, of no element, or with gaps
+        return int(array.ctypes.data)
+
+
 class Trail:
     """Samples of a row in the order in which they came.
 
     wire: slot and output that sent them
     times: when each was sent [ns]; stamps: its own `t`; orders: its place among all that was sent
     head: (HEAD,) where the memories lie, and how many samples there are; compiled code adds to it
-    address: where that of the samples begins
     spare: memories of earlier trails of this output
     is_fixed: whether compiled code reads the memories, so that they must not move
-    columns: what lays out the bytes of the samples, once somebody has made it
+    laid: the bytes of the samples, and of those of other trails, once somebody has laid them out
     """
 
     def __init__(
@@ -344,7 +345,7 @@ class Trail:
         self.head = np.zeros(HEAD, np.int64) if head is None else head
         self.head[COUNT] = 0
         self.is_fixed = False
-        self.columns: Any = None
+        self.laid: Any = None
         self.memory: NDArray[Any]
         self.times: Ints
         self.stamps: Ints
@@ -400,15 +401,14 @@ class Trail:
         self.head[COUNT] = 0
 
     def _grow(self, room: int) -> None:
-        count, row = self.count, self.row.memory
+        count, row = int(self.head[COUNT]), self.row.memory
         memory, numbers = self._spare.empty((room, *row.shape), row.dtype), np.empty((3, room), np.int64)
         if count:
             memory[:count], numbers[0, :count] = self.memory[:count], self.times[:count]
             numbers[1, :count], numbers[2, :count] = self.stamps[:count], self.orders[:count]
-        self.memory, self.address = memory, memory.ctypes.data
-        self.times, self.stamps, self.orders = numbers
-        first, size = numbers.ctypes.data, 8 * room
-        self.head[:] = self.address, count, room, first, first + size, first + 2 * size
+        self.memory, (self.times, self.stamps, self.orders) = memory, numbers
+        first, size = addressof(c_char.from_buffer(numbers)), 8 * room  # type: ignore[arg-type]
+        self.head[:] = address(memory), count, room, first, first + size, first + 2 * size
 
 
 class Waiting:

@@ -67,7 +67,7 @@ class EdgeLooks(Compiled):
 
     def supply(self, stage: int) -> None:
         """Look where compiled code could not: it knows what was missing from then on."""
-        for world in np.flatnonzero(self.asks == LOOK).tolist():
+        for world in (self.asks == LOOK).nonzero()[0].tolist():
             setup, n = self._setups[world], self.counts[world]
             _, width = span_across(setup)
             bx, by, _, _, x, y = self.rows[world, n, 10:].tolist()
@@ -116,18 +116,18 @@ class LooksOfAll(EdgeLooks):
         """Also ask the truth for the times of edges; take rows where there is no room for more."""
         super().supply(stage)
         edge = self.given["edge"]
-        for world in np.flatnonzero(self.asks == WAIT).tolist():
+        for world in (self.asks == WAIT).nonzero()[0].tolist():
             self.tell(world)
             judge, t = self._judges[world], times_of(edge)
             reported = [t[world % len(t)], *(edge.number(world, name) for name in REPORTED)]
             judge.wait(list(map(float, reported)), self.blocks.waiting(world, MachineState, judge.setup.name))
             self.reference[world], self.waits[world] = judge.reference, judge.is_waiting
-        for world in np.flatnonzero(self.counts == ROOM).tolist():
+        for world in (self.counts == ROOM).nonzero()[0].tolist():
             self.tell(world)
 
     def look(self) -> None:
         """Tell all judges."""
-        for world in np.flatnonzero(self.counts).tolist():
+        for world in self.counts.nonzero()[0].tolist():
             self.tell(world)
 
     def tell(self, world: int) -> None:

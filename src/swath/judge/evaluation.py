@@ -131,13 +131,13 @@ class Evaluation:
         return self._takers[machine, kind]
 
     def _give(self, seen: Seen) -> None:
-        sent = (*[(block.slot, block.kind) for block in seen.blocks],)
-        if (takers := self._given.get(sent)) is None:
-            every = ((slot.partition(".")[0], kind) for slot, kind in sent)
+        if (takers := self._given.get(seen.sent)) is None:
+            every = ((slot.partition(".")[0], kind) for slot, kind in seen.sent)
             found = {id(e): (e, "" if e.OF_FIELD else m) for m, k in every for e in self._takers_of(m, k)}
-            takers = self._given[sent] = [*found.values()]
+            takers = self._given[seen.sent] = [*found.values()]
+        own = {machine: seen.of_machine(machine) for machine in {machine for _, machine in takers}}
         for evaluator, machine in takers:
-            evaluator.take(seen.of_machine(machine))
+            evaluator.take(own[machine])
 
     @property
     def read_columns(self) -> frozenset[str]:

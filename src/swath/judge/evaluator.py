@@ -402,8 +402,9 @@ def held(block: Block | None, name: str, orders: Any, before: float) -> F64:
     if block is None:
         return np.full(len(orders), before)
     at = block.before(orders)
-    found = np.asarray(block[name], dtype=float)[at]
-    return np.where(at >= 0, found, before)
+    found: F64 = np.asarray(block[name], dtype=float)[at]
+    found[at < 0] = before
+    return found
 
 
 @runtime_checkable

@@ -25,7 +25,7 @@ class Waking(Compiled):
 
     def supply(self, stage: int) -> None:
         """Have them look."""
-        for world in np.flatnonzero(self.asks).tolist():
+        for world in self.asks.nonzero()[0].tolist():
             self.wake(world)
 
     @abstractmethod

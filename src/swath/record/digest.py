@@ -8,8 +8,9 @@ ends on the digest of an uninterrupted one.
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from functools import cached_property
 from math import isnan
 from struct import Struct
 from typing import Any
@@ -18,7 +19,7 @@ import numpy as np
 
 from swath.core.blocks import Block, Seen, no_look
 from swath.core.frames import Pose
-from swath.core.rows import Trail
+from swath.core.rows import HEAD, STAMPS, TIMES, Row, Trail, address
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
@@ -26,6 +27,8 @@ BLOCK_BYTES = 64 * 1024
 TIME, INTEGER, FLOAT = Struct("<q"), Struct("<cq"), Struct("<cd")
 REAL = np.dtype(float)
 PLACE, TURN = b"(a<f8(3,)", b"a<f8(3, 3)"  # before the arrays of a pose
+AIMED = 4 + HEAD  # numbers of a job that change from look to look
+LAID = 1 << 22  # bytes: so many are laid out at once, of as many worlds as that takes (estimated)
 FEW = 16  # numbers of an array that are looked at one by one
 _PREFIXES: dict[tuple[Any, tuple[int, ...]], bytes] = {}  # of arrays
 
@@ -59,6 +62,13 @@ class Digest:
         self.look: Callable[[], None] = no_look
         self._chains: defaultdict[tuple[str, str], _Chain] = defaultdict(_Chain)
         self._columns: dict[tuple[str, str], Columns] = {}
+        self._first = np.zeros(1, np.int64)
+
+    @cached_property
+    def _launch(self) -> Callable[[], Any]:
+        from swath.record.digest_kernel import lay_rows
+
+        return repeatable(lay_rows, [shared(self._first)]).launch
 
     def __call__(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
         """Take in what `slot` published at t [ns]."""
@@ -66,22 +76,48 @@ class Digest:
 
     def take(self, seen: Seen) -> None:
         """Take in what all slots published."""
+        rows = iter(self._laid([block for block in seen.blocks if block.is_even]))
         for block in seen.blocks:
-            self._take(block)
+            chain = self._chains[block.slot, block.output]
+            if block.is_even:
+                chain.add(next(rows))
+            else:
+                for k, t in enumerate(block.times.tolist()):
+                    chain.add(sample_bytes(block.slot, block.output, t, block.sample(k)))
 
-    def _take(self, block: Block) -> None:
-        trail, slot, output = block.trail, block.slot, block.output
-        chain = self._chains[slot, output]
-        if not block.is_even:
-            for k, t in enumerate(block.times.tolist()):
-                chain.add(sample_bytes(slot, output, t, block.sample(k)))
-            return
-        if trail.columns is None:  # one for all worlds, of whoever comes first
-            columns = self._columns.get((slot, output))
-            if columns is None or not columns.fits(trail):
-                columns = self._columns[slot, output] = Columns(trail)
-            trail.columns = columns
-        chain.add(trail.columns.bytes_of(trail, block.world).data)
+    def _laid(self, blocks: Sequence[Block]) -> list[memoryview]:
+        """The bytes of blocks of a world; laid out for some worlds at once, by whoever comes first."""
+        if not blocks:
+            return []
+        world, trail = blocks[0].world, blocks[0].trail
+        if trail.laid is None or world not in trail.laid[1] or len(trail.laid[3]) != len(blocks):
+            by = self if trail.laid is None else trail.laid[0]
+            trail.laid = by, *by._lay(blocks, world)
+        _, worlds, data, places = trail.laid
+        k = world - worlds[0]
+        return [data[at + k * size : at + (k + 1) * size] for at, size in places]
+
+    def _lay(self, blocks: Sequence[Block], world: int) -> tuple[range, memoryview, list[tuple[int, int]]]:
+        """Lay out those of some worlds, from one on: which these are, the bytes, where those of each block
+        begin and how many there are of a world.
+        """
+        jobs, whole = [], 0
+        for block in blocks:
+            columns = self._columns.get(block.trail.wire)
+            if columns is None or (columns.row is not block.trail.row and not columns.fits(block.trail.row)):
+                columns = self._columns[block.trail.wire] = Columns(block.trail)
+            jobs.append((columns, block.trail.head, block.count * columns.size))
+            whole += jobs[-1][2]
+        worlds = range(world, min(world + max(LAID // whole, 1), len(blocks[0].trail.row.memory)))
+        rows, places, following, at = np.empty(len(worlds) * whole, np.uint8), [], 0, 0
+        begin = address(rows)
+        for columns, head, size in jobs:
+            columns.job[:AIMED] = following, begin + at, worlds.start, worlds.stop, *head.tolist()
+            places.append((at, size))
+            following, at = columns.address, at + size * len(worlds)
+        self._first[0] = following
+        self._launch()
+        return worlds, rows.data, places
 
     @property
     def hex(self) -> str:
@@ -117,66 +153,49 @@ def _head(slot: str, output: str, kind: Any) -> bytes:
 
 
 class Columns:
-    """Lays out the bytes of the samples of an output in a world as `sample_bytes`. size: of one."""
+    """How the bytes of the samples of an output are laid out, as `sample_bytes`.
+
+    size: of one; row: whose samples they are; job: as the kernel reads it; address: where that lies
+    """
 
     def __init__(self, trail: Trail) -> None:
         from swath.record import digest_kernel as kernel
 
-        first, self._alike = Block(trail, 0).sample(0), trail.row.alike
-        self._form = trail.row.kind, trail.row.memory.dtype, trail.row.memory.shape
-        stride, row = trail.row.memory.nbytes, bytearray(_head(*trail.wire, trail.row.kind))
-        table, offsets = [[0, 8, len(row), 8, kernel.COPIED]], [0]
+        first, self.row, kind = Block(trail, 0).sample(0), trail.row, trail.row.kind
+        stride, step, row = self.row.memory.nbytes, self.row.memory.dtype.itemsize, bytearray()
+        row += _head(*trail.wire, kind)
+        table = [[8, 0, len(row), 8, kernel.COPIED, TIMES, 0]]
         row += bytes(8)
-        for name in [f.name for f in fields(trail.row.kind)]:
-            if name in trail.row.names:
+        for name in [f.name for f in fields(kind)]:
+            if name in self.row.names:
                 value = encode(getattr(first, name))
                 for before, number, begin, shape, after in _column(value, trail.memory[name][0]):
                     row += before
                     count, how = int(np.prod(shape)), _kind(number)
                     size = count * number.itemsize
                     length = size if how == kernel.COPIED else count
-                    table.append([0, stride, len(row), length, how])
-                    offsets.append(trail.row.offset(name) + begin * number.itemsize)
+                    at = self.row.offset(name) + begin * number.itemsize
+                    table.append([stride, step, len(row), length, how, 0, at])
                     row += bytes(size) + after
             elif name == "t":
                 row += b"i"
-                table.append([0, 8, len(row), 8, kernel.COPIED])
-                offsets.append(0)
+                table.append([8, 0, len(row), 8, kernel.COPIED, STAMPS, 0])
                 row += bytes(8)
             else:
                 row += encode(getattr(first, name))
-        self._offsets = np.array(offsets)
-        self._row, self.size = np.frombuffer(bytes(row), np.uint8), len(row)
-        head = [self._row.ctypes.data, self.size, 0, self.size, 0, len(table)]
-        self._job = np.array([*head, *(v for line in table for v in line)], np.int64)
-        self._table = self._job[len(head) :].reshape(-1, 5)
-        self._rows = np.empty(0, np.uint8)
-        self._launch = repeatable(kernel.lay_rows, [shared(self._job)]).launch
+        self._alike, self.size = np.frombuffer(bytes(row), np.uint8), len(row)
+        known = [*[0] * AIMED, address(self._alike), self.size, len(table)]
+        self.job = np.array([*known, *(v for line in table for v in line)], np.int64)
+        self.address = address(self.job)
 
-    def fits(self, trail: Trail) -> bool:
-        """Whether the samples have the same form."""
-        alike = trail.row.alike
-        is_alike = len(alike) == len(self._alike) and all(self._alike.get(n) is v for n, v in alike.items())
-        form = trail.row.kind, trail.row.memory.dtype, trail.row.memory.shape
-        return is_alike and form == self._form
-
-    def bytes_of(self, trail: Trail, world: int) -> np.ndarray:
-        """Those of one world, (samples * size,) uint8; the next call overwrites them."""
-        count, row = trail.count, trail.row
-        if len(self._rows) < count * self.size:
-            self._rows = np.empty(count * self.size, np.uint8)
-        self._table[:, 0] = self._offsets + trail.address + world * row.memory.dtype.itemsize
-        self._table[0, 0] = _address(trail.times)
-        if not row.is_held:
-            self._table[1, 0] = _address(trail.stamps)
-        self._job[2], self._job[4] = _address(self._rows), count
-        self._launch()
-        return self._rows[: count * self.size]
-
-
-def _address(array: np.ndarray) -> int:
-    """Where it begins in memory, in half the time of `ctypes`."""
-    return int(array.__array_interface__["data"][0])
+    def fits(self, row: Row) -> bool:
+        """Whether the samples of a row have the same form."""
+        own, one, other = self.row, self.row.alike, row.alike
+        return (
+            (row.kind, row.memory.dtype, row.memory.shape) == (own.kind, own.memory.dtype, own.memory.shape)
+            and one.keys() == other.keys()
+            and all(other[name] is value for name, value in one.items())
+        )
 
 
 def _kind(dtype: "np.dtype[Any]") -> Any:

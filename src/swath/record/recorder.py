@@ -65,6 +65,7 @@ class Recorder:
     ) -> None:
         self.folder = folder
         self._machines, self._more, self._only = machines, extra or {}, only
+        self._is_late = all(c.value is None for columns in self._more.values() for c in columns)
         self.file = McapFile(folder / RECORDING_FILE) if detail != "none" else None
         sources = [*machines, replace(machines[0], name=SCENE, mounting={}, outputs={})]
         self._messengers = {m.name: Messenger(m, self.file) for m in sources} if self.file else {}
@@ -89,7 +90,7 @@ class Recorder:
     @property
     def is_late(self) -> bool:
         """No column is what an evaluator holds at the moment."""
-        return all(column.value is None for columns in self._more.values() for column in columns)
+        return self._is_late
 
     @property
     def beat(self) -> int:

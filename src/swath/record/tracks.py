@@ -173,7 +173,7 @@ def first_in_each(period: int, times: Ints, due: int) -> tuple[NDArray[np.bool_]
     if not period:
         return np.ones(len(times), np.bool_), due
     ends = (times // period + 1) * period
-    return ends > np.append(due, ends[:-1]), int(ends[-1])
+    return ends > np.concatenate(([due], ends[:-1])), int(ends[-1])
 
 
 class EvenRows:
@@ -241,7 +241,8 @@ class Tracks(Mapping[str, np.ndarray]):
                 self._sources.setdefault(column.source, []).append((place, column))
         self._live = [(i, c.value) for i, c in enumerate(self.columns) if c.value is not None]
         self._latest: dict[Any, Any] = {}  # by key, where a column is live
-        self._further = {o for o, kind in machine.outputs.items() if o != _first(machine, kind)}
+        further = (o for o, kind in machine.outputs.items() if o != _first(machine, kind))
+        self._keys = {(f"{machine.name}.{o.partition('.')[0]}", o.partition(".")[2]): o for o in further}
         self._present = np.full(len(self.columns), NAN)  # a row of the newest samples
         self._waiting: dict[Any, Block] = {}  # whose last samples belong there
         self._rows: list[np.ndarray] = []  # those that are not stored
@@ -256,7 +257,7 @@ class Tracks(Mapping[str, np.ndarray]):
             row = self._row() if self._is_begun else self._catch_up()
         table = row.repeat(len(ends), axis=0)
         for block in seen.blocks:
-            key = self._key(block)
+            key: Any = self._keys.get((block.slot, block.output), block.kind)
             self._is_begun |= key is MachineState
             if self._live:
                 self._latest[key] = block.newest
@@ -297,23 +298,21 @@ class Tracks(Mapping[str, np.ndarray]):
             row[0, place] = value(self._latest)
         return row
 
-    def _key(self, block: Block) -> Any:
-        output = f"{block.slot.partition('.')[2]}.{block.output}"
-        return output if output in self._further else block.kind
-
     def _ends(self, seen: Seen) -> np.ndarray:
         """The last orders of the rows that are complete now, and of the present."""
-        states = [b for b in seen.blocks if issubclass(b.kind, MachineState) and self._key(b) is b.kind]
+        every = [b for b in seen.blocks if issubclass(b.kind, MachineState)]
+        states = [b for b in every if (b.slot, b.output) not in self._keys]
         if not states:
             return np.array([PRESENT])
-        orders, times = (np.concatenate(a) for a in ([b.orders for b in states], [b.times for b in states]))
+        orders, times = states[0].orders, states[0].times
         if len(states) > 1:
+            orders, times = np.concatenate([(b.orders, b.times) for b in states], axis=1)
             places = orders.argsort(kind="stable")
             orders, times = orders[places], times[places]
         begins, self._due = first_in_each(self._period, times, self._due)
-        is_open = np.append(self._is_open, begins)
+        is_open = np.concatenate(([self._is_open], begins))
         self._is_open = bool(is_open[-1])
-        return np.append(orders[is_open[:-1]] - 1, PRESENT)
+        return np.concatenate((orders[is_open[:-1]] - 1, [PRESENT]))
 
     def save(self) -> dict[str, Any]:
         """What is not in the rows so far, and how many these are. SwathError where rows do not say it all."""

@@ -18,7 +18,6 @@ far. What is broken by the event that ended the run is judged: it is why there i
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from math import inf, isfinite
 from typing import Any
 
@@ -47,6 +46,7 @@ from swath.signals import MachineState
 SUMMARY = "credibility"
 NEVER_CHECKED = "never_checked"  # its key of quantities that levels were met with and never checked for
 INSIDE, EDGE, OUTSIDE = "inside", "at the edge", "outside"
+Asked = tuple[str, str, Checked, tuple[str, ...]]
 STATES = (INSIDE, EDGE, OUTSIDE)
 TOLERATED = 0.02  # share of the values of a look that may lie beyond a range
 SLACK = 1e-6  # share of a bound that comes of rounding, as of units
@@ -74,14 +74,10 @@ class Seen:
     def add(self, values: Any, checked: Checked) -> None:
         """Take in the values of a look."""
         first, last = _with_slack(checked)
-        if isinstance(values, float):  # in a tenth of the time of an array
-            count, low, high = int(isfinite(values)), values, values
-            strays = int(not first <= values <= last)
-        else:
-            values = np.asarray(values, dtype=np.float64)
-            values = values[np.isfinite(values)]
-            count, low, high = len(values), values.min(initial=inf), values.max(initial=-inf)
-            strays = int(np.sum((values < first) | (values > last)))
+        values = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        values = values[np.isfinite(values)]
+        count, low, high = len(values), values.min(initial=inf), values.max(initial=-inf)
+        strays = ((values < first) | (values > last)).tolist().count(True)
         if not count:
             return
         self.low, self.high = min(self.low, float(low)), max(self.high, float(high))
@@ -128,31 +124,30 @@ class Scene:
             self.parts[machine.name] |= {slot: machine.parts[slot] for slot in changed}
             self._find_ranges(machine)
 
-    def values(self, machine: str, state: MachineState) -> Iterator[tuple[str, Checked, Any]]:
+    def values(self, machine: str, state: MachineState) -> list[tuple[str, Checked, Any]]:
         """What a machine meets now, for each slot and range; of what no level declares for the machine, and
         for slots that are told something else of it.
         """
-        about = self.world.machines[machine]
+        about, found, known = self.world.machines[machine], [], dict[str, float]()
         self._take_changes(about)
         where, fixed = where_is(about, self.world.field, state), self._fixed[machine]
-        known: dict[str, float] = {}
         if machine not in self._asked:
             self._asked[machine] = list(self._ask(about, where))
         for subject, slot, checked, tellers in self._asked[machine]:
             name = checked.quantity
             if slot and about.parts.get(slot) is not self.parts[machine][slot]:
                 continue  # something from elsewhere has come into the slot, whose ranges these are not
-            if slot in tellers:
-                yield subject, checked, where.told[slot][name]
-            elif tellers:
-                yield subject, checked, where.value(name, tellers)
+            if tellers:
+                value = where.told[slot][name] if slot in tellers else where.value(name, tellers)
             else:
                 held = fixed if name in FIXED else known
                 if name not in held:
-                    held[name] = where.value(name, ())
-                yield subject, checked, held[name]
+                    held[name] = QUANTITIES[name].at(where)
+                value = held[name]
+            found.append((subject, checked, value))
+        return found
 
-    def _ask(self, machine: Machine, where: Where) -> Iterator[tuple[str, str, Checked, tuple[str, ...]]]:
+    def _ask(self, machine: Machine, where: Where) -> Iterator[Asked]:
         """Whom a value counts for; the slot whose range it is, "" = only plain values are known; the range;
         slots that tell the value, () = the field.
         """
@@ -237,7 +232,12 @@ class Credibility:
             seen = self._seen.get((slot, checked.quantity))
             if seen is None:
                 seen = self._seen[slot, checked.quantity] = Seen()
-            seen.add(values, checked)
+            # most are a number within the bounds: no call
+            if isinstance(values, float) and checked.low <= values <= checked.high and isfinite(values):
+                seen.low, seen.high = min(seen.low, float(values)), max(seen.high, float(values))
+                seen.looks += 1
+            else:
+                seen.add(values, checked)
 
     def metrics(self) -> dict[str, float]:
         """None of its own."""
@@ -564,7 +564,6 @@ def _told(value: float, checked: Checked) -> float:
     return next(form for form in forms if holds(checked, form) == holds(checked, value))
 
 
-@lru_cache(maxsize=1024)
 def _with_slack(checked: Checked) -> tuple[float, float]:
     """Ends of a range, apart by what rounding leaves open, and by what is too little to change anything."""
     low, high = checked.low, checked.high

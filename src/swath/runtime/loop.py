@@ -90,8 +90,8 @@ def advance(
     goal = _arrival(worlds)
     longest = BEAT if len(worlds) == 1 else max(BEAT, min(LONG_BEAT, MOST_WAITING // len(worlds)))
     while lockstep.t < until and lockstep.going:
-        observers = (observer for world in worlds for observer in world.graph.observers)
-        beat = min([longest, *(getattr(observer, "beat", longest) for observer in observers)])
+        beat = min([getattr(o, "beat", longest) for w in worlds for o in w.graph.observers], default=longest)
+        beat = min(beat, longest)
         look = (lockstep.t // beat + 1) * beat
         looks = len(worlds) == 1 or look <= until
         yield from lockstep.advance(min(look, until), goal, looks=looks)

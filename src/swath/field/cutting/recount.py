@@ -23,21 +23,15 @@ def recount_pages(store: PageStore, stems: StemIndex, begun: Mapping[Key, int | 
 
     begun: packed codes of pages that were not whole at the start
     """
-    total, changed, counter = list[Cut](), store.recut_codes(), None
+    total, changed, counter = list[tuple[Any, ...]](), store.recut_codes(), None
     while some := dict(islice(changed, TOGETHER)):
         counter = counter or _Counter(stems, store.tile_size)
         for data, (key, codes) in zip(store.make([*some]), some.items(), strict=True):
             before = begun.get(key)
             start = _full(data.codes if before is None else inflate_codes(before))
             total += counter.gone(data.tile_prototype, data.tile_stand, start, _full(codes))
-    return Cut(
-        fsum(c.grain for c in total),
-        fsum(c.straw for c in total),
-        sum(c.stem_count for c in total),
-        fsum(c.area for c in total),
-        fsum(c.grain_left for c in total),
-        fsum(c.stubble for c in total),
-    )
+    grain, straw, stem_count, *rest = zip(*total, strict=True) if total else [()] * 6
+    return Cut(fsum(grain), fsum(straw), sum(stem_count), *map(fsum, rest))
 
 
 class _Counter:
@@ -67,8 +61,11 @@ class _Counter:
         stand: NDArray[np.float32],
         start: NDArray[np.uint8],
         now: NDArray[np.uint8],
-    ) -> list[Cut]:
-        """From each changed tile of a page. prototypes, stand: of its tiles; start, now: codes (512, 512)."""
+    ) -> list[tuple[Any, ...]]:
+        """From each changed tile of a page the numbers of a `Cut`.
+
+        prototypes, stand: of its tiles; start, now: codes (512, 512)
+        """
         dtypes = np.uint8, np.uint8, np.int32, np.float32
         given: list[NDArray[Any]] = [
             np.ascontiguousarray(a, d) for a, d in zip((start, now, prototypes, stand), dtypes, strict=True)
@@ -80,7 +77,7 @@ class _Counter:
         for (grain, straw, left, stubble), (is_changed, stem_count, cells, _), share in rows:
             if is_changed:
                 area = cells * self._cell**2 if share > 0.0 else 0.0
-                found.append(Cut(grain, straw, stem_count, area, left, stubble))
+                found.append((grain, straw, stem_count, area, left, stubble))
         return found
 
 

@@ -37,10 +37,9 @@ class Delays(Later):
         """Note the age of what arrives."""
         for name, kind in (("command_delay_s", SteerCommand), ("edge_delay_s", CropEdge)):
             if (arrived := seen.of(kind)) is not None:
-                counts = arrived.times > 0
-                if counts.any():
-                    ages = (arrived.times - arrived["t"])[counts].tolist()
-                    self._ages.setdefault(name, Counter()).update(ages)
+                for age in (arrived.times - arrived["t"])[arrived.times > 0].tolist():
+                    ages = self._ages.get(name) or self._ages.setdefault(name, Counter())
+                    ages[age] += 1
 
     def metrics(self) -> dict[str, float]:
         """Metrics of what the machine has: none without an edge detection or automatic steering."""

@@ -59,14 +59,14 @@ class Drivetrain(Later):
             self._first = self._first or loads.sample(0)
             self._last = loads.newest
             is_settled = held(states, "distance", loads.orders, self._distance) >= self._settling
-            for k in np.flatnonzero(is_settled & (loads["drum_flow"] > 0.0)).tolist():
+            for k in (is_settled & (loads["drum_flow"] > 0.0)).nonzero()[0].tolist():
                 self._see_load(loads, k)
         if engines is not None:
             used = engines["fuel_used"].tolist()
             self._fuel_first, self._fuel = used[0] if self._fuel_first is None else self._fuel_first, used[-1]
             is_settled = held(states, "distance", engines.orders, self._distance) >= self._settling
-            if is_settled.any():
-                load, speed = engines["load"][is_settled], engines["speed"][is_settled]
+            load, speed = engines["load"][is_settled], engines["speed"][is_settled]
+            if len(load):
                 self._engine = [self._engine[0] + len(load), added_up(self._engine[1], load)]
                 self._peak_load = max(self._peak_load, float(load.max()))
                 self._lowest = min(self._lowest, float(speed.min()))

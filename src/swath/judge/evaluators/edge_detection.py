@@ -110,7 +110,7 @@ class States:
         """Add a block of samples."""
         if block is None:
             return self
-        rows = np.column_stack([block["pose"], block["distance"]])
+        rows = np.concatenate([block["pose"], block["distance"][:, None]], axis=1)
         return States(np.concatenate([self.t, block["t"]]), np.concatenate([self.rows, rows]))
 
     @property
@@ -229,7 +229,7 @@ class EdgeDetection(Later):
         self._rows.append(rows)
         self._crop.append(crop)
         self.reference = reference
-        if sum(len(own) for own in self._rows) >= CHUNK:
+        if sum([len(own) for own in self._rows]) >= CHUNK:
             self._judge_rows()
 
     def look(self) -> None:

@@ -75,6 +75,8 @@ class GrainQuality(Later):
     def _weigh(self, loads: Block) -> None:
         """Add the losses of the crop that leaves, by what is in the drum, each its part of `loss_share`."""
         leaves = loads["straw_flow"] > 0.0
+        if not leaves.any():
+            return
         first, second, third = flows = [loads[name][leaves] for name in LOSSES]
         lost, weight = first + second + third, loads["drum_flow"][leaves]
         share = weight * loads["loss_share"][leaves] / np.where(lost > 0.0, lost, 1.0)

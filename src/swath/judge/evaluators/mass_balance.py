@@ -1,8 +1,7 @@
 """Whether everything that left the field is somewhere: in a machine, lost, or on the ground."""
 
 from math import fsum
-
-import numpy as np
+from typing import Any
 
 from swath.core.blocks import Seen
 from swath.core.registry import Level
@@ -37,7 +36,7 @@ class MassBalance(Later):
             assert flows is not None
             moving = self._in_transit.get(name, [0.0, 0.0])
             self._shed[name] = added_up(self._shed.get(name, 0.0), flows["lost_grain"])
-            is_new = np.ones(len(flows), np.bool_)
+            is_new: Any = slice(None)
             if loads is not None:  # which hold what came before
                 moving, is_new = [0.0, 0.0], flows.orders > loads.orders[-1]
             parts = zip(moving, ("grain", "straw"), strict=True)

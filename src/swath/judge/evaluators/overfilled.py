@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from swath.core.blocks import Block, Seen, Shown
 from swath.core.number_text import num
 from swath.core.registry import Level
@@ -62,13 +60,13 @@ class Overfilled(Later):
     def _look(self, block: Block, states: Block | None) -> None:
         """Look whether what comes stays. states: of the machine, not yet taken in."""
         if issubclass(block.kind, HeapState):
-            for k in np.flatnonzero(block["spilled"] > LEAST)[:1].tolist():
+            for k in (block["spilled"] > LEAST).nonzero()[0][:1].tolist():
                 self._note("box", int(block["t"][k]), block, k, states)
         if not issubclass(block.kind, MachineLoad) or self._capacity <= 0.0:
             return
         grain, flow, times = block["tank_grain"], block["grain_flow"], block["t"].tolist()
         gain = (grain - block["tank_start"] + block["unloaded_grain"]).tolist()  # as `tank_gain`
-        for k in np.flatnonzero(grain >= (1.0 - SAME) * self._capacity).tolist():
+        for k in (grain >= (1.0 - SAME) * self._capacity).nonzero()[0].tolist():
             before = (times[k - 1], gain[k - 1]) if k else self._load
             if before is None:
                 continue

@@ -50,7 +50,7 @@ class PassToPass(Later):
         states, flows = seen.of(MachineState), seen.of(CropFlow)
         if states is not None:
             cuts = held(flows, "area", states.orders, float(self._cuts)) > 0.0
-            for k in np.flatnonzero(cuts & (states["distance"] >= self._next)).tolist():
+            for k in (cuts & (states["distance"] >= self._next)).nonzero()[0].tolist():
                 way = float(states["distance"][k])
                 if way >= self._next:
                     self._pass += way - self._last > APART
@@ -88,7 +88,7 @@ class PassToPass(Later):
         for other in before:
             line = other[:, 2:]
             low, high = line.min(axis=0) - self._width, line.max(axis=0) + self._width
-            near = np.flatnonzero(np.all((own[:, :2] > low) & (own[:, :2] < high), axis=1))
+            near = np.all((own[:, :2] > low) & (own[:, :2] < high), axis=1).nonzero()[0]
             if len(near) and len(line) > 1:
                 overlap = self._side * _left_of(own[near, :2], line)
                 best[near] = np.where(np.abs(overlap) < np.abs(best[near]), overlap, best[near])

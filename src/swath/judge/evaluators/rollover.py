@@ -62,7 +62,7 @@ class Rollover(Later):
     def stand(self, states: Block) -> None:
         """The same for states."""
         times, first = states["t"], 0
-        while not self._events and len(due := np.flatnonzero(times[first:] >= self.rests_until)):
+        while not self._events and len(due := (times[first:] >= self.rests_until).nonzero()[0]):
             k = first + int(due[0])
             upright, first = float(states["pose"][k, -1]), k + 1
             left = TIPPED - acos(min(max(upright, -1.0), 1.0))

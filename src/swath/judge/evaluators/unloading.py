@@ -135,7 +135,9 @@ class Unloading(Later):
     def _note(self, carrier: Block, k: int) -> None:
         """Where a machine or trailer is: the kth of its samples, -1 = the last one before."""
         if k >= 0:
-            self._latest[carrier.slot.partition(".")[0], carrier.kind] = carrier.sample(k)
+            is_last = k == len(carrier) - 1
+            sample = carrier.newest if is_last else carrier.sample(k)
+            self._latest[carrier.slot.partition(".")[0], carrier.kind] = sample
 
     def metrics(self) -> dict[str, float]:
         """Nothing where no machine has a pipe with an auger."""
