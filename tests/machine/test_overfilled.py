@@ -102,7 +102,7 @@ def test_worlds_in_step_spill_as_one_does():
     alone, _ = of_steps(constant.ConstantProcess(constant.Params(), site(machine=MACHINE)), 0)
     parts = [constant.ConstantProcess(constant.Params(), site(machine=MACHINE)) for _ in range(2)]
     for part in parts:
-        part.field.profile = SimpleNamespace(straw_kg=0.0)
+        part.field.profile = SimpleNamespace(straw=np.zeros(1))
     both = constant.ConstantProcess.together(parts)
     both.reset([STREAM, STREAM])
     flows = [CropFlow(0, *masses, 1.0, 500, 1.0, 0.5) for masses in ((GRAIN, STRAW), (0.0, 0.0))]

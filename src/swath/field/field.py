@@ -239,6 +239,8 @@ class Field:
         """Let compiled code do what polygons of a world ask for, as far as memory is there."""
         if self.profile is None:
             tasks.know(world, self._land, self._cutter.stems)
+        else:
+            tasks.count(world, self.profile.straw)
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop within a convex polygon (n, 2) [m2]."""
@@ -324,7 +326,7 @@ class Field:
         if not 0.0 <= mass_kg < np.inf:
             raise InputError("mass_kg", mass_kg, "expected >= 0")
         if self.profile is not None:
-            self.profile.straw_kg += mass_kg
+            self.profile.straw += mass_kg
             return
         self._straw.lay(_corners_near(polygon), mass_kg, heading)
 
@@ -346,7 +348,7 @@ class Field:
     def straw_kg(self) -> float:
         """Mass of all straw laid on the field [kg]."""
         if self.profile is not None:
-            return self.profile.straw_kg
+            return float(self.profile.straw[0])
         return fsum(float(m.sum()) for m in self.store.all_straw().values())
 
     def recount(self) -> Cut:

@@ -17,6 +17,7 @@ CORNERS_MAX, PAGES_MAX = 64, 256  # of one polygon, as in pages.cpp
 CORNERS = 3  # number of a polygon at which its corners begin
 SUMS, DONE, LACKED = 8, 6, 7  # as in pages.cpp
 ALL_ROWS = -(1 << 31), (1 << 31) - 1
+COUNTED = -2  # of a field as a profile, in the place of how often its pages moved
 POOLS = (
     *("table", "cut_slot", "cut", "ground", "straw"),
     *("tile_plane", "tile_bump", "tile_stand", "tile_prototype", "tile_top"),
@@ -89,6 +90,14 @@ class Tasks:
             for row, struct in zip(self._rows, structs, strict=True):
                 row[world] = struct.numpy_value()
             self.known[world] = moved
+
+    def count(self, world: int, laid: NDArray[np.float64]) -> None:
+        """Of a field as a profile: straw [kg] is but added up, to `laid` (1,); all else Python does."""
+        from swath.field.cutting.land_kernel import Land
+
+        if self.known[world] != COUNTED:
+            self._structs[0][world] = land = filled(Land, laid=laid)
+            self._rows[0][world], self.known[world] = land.numpy_value(), COUNTED
 
 
 class Task(Tasks):

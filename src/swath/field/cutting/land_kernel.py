@@ -70,7 +70,8 @@ class Work:
     """Convex polygons in worlds, which compiled code does in order up to one that Python has to: pages are
     missing, or it is refused. needs: becomes 1 then.
 
-    known: (worlds,) how often pages had moved in memory when `lands` were filled in, -1 = they were not
+    known: (worlds,) how often pages had moved in memory when `lands` were filled in, -1 = they were not; -2:
+        the field is a profile, on which straw is but counted
     lands, roots: of each world
     polygons: (worlds, n, ...) number of corners, two numbers that the kernel asks for, x and y of the corners
         [m], counter-clockwise; found: (worlds,) how many there are

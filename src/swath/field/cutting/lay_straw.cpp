@@ -6,7 +6,12 @@
 
 constexpr double SPACING = 0.5;  // of the points, in nodes
 constexpr int NODES = 64, ROW = NODES + 1;
+const bool is_counted = its.known.data[w] == COUNTED;
 each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -> bool {
+  if (is_counted) {
+    land.laid.data[0] += polygon.first;
+    return true;
+  }
   const int corners = (int)polygon.corners;
   const double mass = polygon.first, node = land.tile_size / TILES, cos_yaw = land.turn[0], sin_yaw = land.turn[1];
   const bool is_ridge = polygon.second == polygon.second;
@@ -101,4 +106,4 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
   ++land.counters.data[REVISION];
   sums[LACKED] = 0.0;
   return true;
-});
+}, is_counted);

@@ -3,6 +3,7 @@
 constexpr int CELLS = 64, TILES = 8, PAGE = 512, STANDING = 255, PAGES_MAX = 256, CORNERS_MAX = 64;  // as in memory_layout.py, land.py
 constexpr int REVISION = 0, MOVED = 1, STEM_REACH = 3, TOUCHED = 4, SUMS = 8, DONE = 6, LACKED = 7;
 constexpr double FAR = 1.0e6;  // as in field.py
+constexpr long long COUNTED = -2;  // as in land.py
 struct Point { double x, y; };
 struct Asked { double corners, first, second; Point at[1]; };
 struct Used { int i, j, is_lower, is_cut; };  // of a page, as `PageStore.touched` has it
@@ -20,15 +21,16 @@ auto touch = [](const auto& land, const Used& page) {  // notes that it was look
   *kept++ = found;
   land.counters.data[TOUCHED] = kept - rows;
 };
-// Of a world, its polygons one after the other. take: does one of them, with what it adds to `sums`; false: Python has to
-auto each_polygon = [](int w, const auto& its, auto take) {
+// Of a world, its polygons one after the other. take: does one of them, with what it adds to `sums`; false: Python has to; is_counted:
+// those of a field as a profile, too
+auto each_polygon = [](int w, const auto& its, auto take, bool is_counted = false) {
   const auto& land = its.lands.data[w];
   double* sums = its.sums.data + SUMS * w;
   __builtin_memset(sums, 0, SUMS * sizeof *sums);
   for (; sums[DONE] < its.found.data[w]; sums[DONE] += 1.0) {
     const Asked* polygon = (const Asked*)(its.polygons.data + its.polygons.shape[2] * (its.polygons.shape[1] * (long long)w + (int)sums[DONE]));
-    bool is_near = its.known.data[w] >= 0 && its.known.data[w] == land.counters.data[MOVED];
-    for (int k = 0; is_near && k < (int)polygon->corners; ++k)
+    bool is_near = is_counted || (its.known.data[w] >= 0 && its.known.data[w] == land.counters.data[MOVED]);
+    for (int k = 0; is_near && !is_counted && k < (int)polygon->corners; ++k)
       is_near = __builtin_fabs(polygon->at[k].x) <= FAR && __builtin_fabs(polygon->at[k].y) <= FAR;
     if (!is_near || !take(land, *polygon, sums)) { its.needs.data[0] = 1; return; }
   }

@@ -40,10 +40,10 @@ class Profile(KeepsState):
     the line. Of columns, (n, COLUMNS): z of their plane at the station, its slope_x, slope_y, after `lay`
     reach: crop grows from there inwards [m], inf = nowhere; near, far: it is cut between [m]; inner: code of
     what is there instead of crop inside of the line, outer: outside; cut_code: of what the header leaves
-    straw_kg: laid on the ground
+    straw: laid on the ground [kg], (1,)
     """
 
-    kept = ("near", "far", "straw_kg")
+    kept = ("near", "far", "straw")
 
     def __init__(self, field: Any, edge: BrokenEdge) -> None:
         _check(field, edge)
@@ -60,7 +60,7 @@ class Profile(KeepsState):
         is_even = edge.teeth is None and not edge.gaps
         self.bite = np.zeros(len(s), np.float32) if is_even else _bite(self.reach, len(s))
         self.near, self.far = np.full(len(bins), inf, np.float32), np.full(len(bins), -inf, np.float32)
-        self.straw_kg = 0.0
+        self.straw = np.zeros(1)
         self._per_m2: tuple[Array, ...] = ()
         self._struct: Any = None
         self.lines: dict[tuple[int, ...], Lines] = {}
@@ -275,11 +275,11 @@ class Profile(KeepsState):
 
     def reset(self) -> None:
         """Nothing cut, no straw."""
-        self.near[:], self.far[:], self.straw_kg = inf, -inf, 0.0
+        self.near[:], self.far[:], self.straw[:] = inf, -inf, 0.0
 
     def load(self, state: State) -> None:
         """Take on a state that `save` gave, in the same memory."""
-        self.near[:], self.far[:], self.straw_kg = state["near"], state["far"], state["straw_kg"]
+        self.near[:], self.far[:], self.straw[:] = state["near"], state["far"], state["straw"]
 
 
 def _reach(edge: BrokenEdge, s: Array) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
