@@ -101,8 +101,8 @@ def test_a_row_is_what_each_column_says_of_the_newest_samples(seed, monkeypatch)
             rows[name].take({0: sample})
             blocks.add(f"combine.{slot}", t, {output: rows[name]})
             if rng.random() < looks / (1 + len(chosen)):
-                blockwise.take(Seen([Block(trail, 0) for trail in blocks.take()]))
-    blockwise.take(Seen([Block(trail, 0) for trail in blocks.take()]))
+                blockwise.take(Seen([Block(trail, 0) for trail, _ in blocks.take()]))
+    blockwise.take(Seen([Block(trail, 0) for trail, _ in blocks.take()]))
     wanted += [said(each.columns, latest)] if row else []
     assert np.isfinite(wanted).any(axis=0).mean() > 0.9
     for tracks in (each, blockwise):
