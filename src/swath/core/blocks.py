@@ -101,8 +101,8 @@ class Block:
         found = self._columns.get(name)
         if found is None:
             is_plain = self.is_even and name in self.trail.row.names
-            found = self.trail.memory[name][: self.count, self.world] if is_plain else self._column(name)
-            self._columns[name] = found
+            found = self.trail.memory[name][: self.count, self.world] if is_plain else self.values(name)
+            found = self._columns[name] = found if found.dtype != object else np.array(found.tolist())
         return found
 
     def sample(self, k: int) -> Any:
@@ -118,10 +118,6 @@ class Block:
     def before(self, orders: Ints) -> Ints:
         """The newest of these when others were sent, -1 where there was none."""
         return self.orders.searchsorted(orders, side="right") - 1
-
-    def _column(self, name: str) -> NDArray[Any]:
-        found = self.values(name)
-        return found if found.dtype != object else np.array(found.tolist())
 
     def values(self, name: str) -> NDArray[Any]:
         """As a column, but what is no number as the object that was sent."""
@@ -147,14 +143,11 @@ class _Joined(Block):
         self.count = len(self._order)
         self._places = [(block, k) for block in blocks for k in range(len(block))]
 
-    def last(self, name: str) -> Any:
-        return self[name][-1]
-
     def sample(self, k: int) -> Any:
         block, own = self._places[self._order[k % self.count]]
         return block.sample(own)
 
-    def _column(self, name: str) -> NDArray[Any]:
+    def values(self, name: str) -> NDArray[Any]:
         return np.concatenate([block[name] for block in self._blocks])[self._order]
 
 
@@ -308,11 +301,11 @@ class Blocks:
         """Take everything, and how many samples there are; from now on it is empty."""
         found = list[tuple[Trail, int]]()
         for wire, trails in self._trails.items():
-            if full := [(trail, count) for trail in trails if (count := int(trail.head[COUNT]))]:
-                found += full
-                last, count = full[-1]
-                room = min(len(last.times), 2 * count + 2)
-                last.head = last.head.copy()
+            for trail in trails:
+                if count := int(trail.head[COUNT]):
+                    found.append((trail, count))
+            if found and (last := found[-1][0]) in trails:
+                last.head, room = last.head.copy(), min(len(last.times), 2 * found[-1][1] + 2)
                 self._trails[wire] = [Trail(trails[-1].row, room, wire, self._heads[wire], self._spare[wire])]
         self._asked = {}
         return found

@@ -282,8 +282,7 @@ class _Rank:
         if len(self.parts) > 1 and isinstance(batch, EndsWorlds):
             return {w: Ending.by(self.name, batch.reasons[w]) for w in going if batch.reasons.get(w)}
         parts: Sequence[Any] = self.parts
-        found = ((world, parts[world].end_reason(t)) for world in going)
-        return {world: Ending.by(self.name, reason) for world, reason in found if reason}
+        return {w: Ending.by(self.name, why) for w in going if (why := parts[w].end_reason(t))}
 
     def check(self, outputs: Any) -> None:
         """WiringError where a component gave what it does not declare."""
@@ -704,8 +703,9 @@ class Lockstep:
 
     def _tell_found(self) -> None:
         """Who looks on learns what was found for it."""
-        for op in (op for own in self._looking.values() for op in own.values()):
-            op.look()
+        for own in self._looking.values():
+            for op in own.values():
+                op.look()
 
     def _loosen(self) -> None:
         """Nothing is read by compiled code."""

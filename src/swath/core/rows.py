@@ -408,7 +408,8 @@ class Trail:
             numbers[1, :count], numbers[2, :count] = self.stamps[:count], self.orders[:count]
         self.memory, (self.times, self.stamps, self.orders) = memory, numbers
         first, size = addressof(c_char.from_buffer(numbers)), 8 * room  # type: ignore[arg-type]
-        self.head[:] = address(memory), count, room, first, first + size, first + 2 * size
+        begin = addressof(c_char.from_buffer(memory)) if memory.nbytes else 0  # type: ignore[arg-type]
+        self.head[:] = begin, count, room, first, first + size, first + 2 * size
 
 
 class Waiting:

@@ -19,7 +19,7 @@ import numpy as np
 
 from swath.core.blocks import Block, Seen, no_look
 from swath.core.frames import Pose
-from swath.core.rows import HEAD, STAMPS, TIMES, Row, Trail, address
+from swath.core.rows import HEAD, STAMPS, TIMES, Trail, address
 from swath.kernels import repeatable, shared
 from swath.signals import Signal
 
@@ -104,7 +104,7 @@ class Digest:
         jobs, whole = [], 0
         for block in blocks:
             columns = self._columns.get(block.trail.wire)
-            if columns is None or (columns.row is not block.trail.row and not columns.fits(block.trail.row)):
+            if columns is None or columns.row is not block.trail.row:
                 columns = self._columns[block.trail.wire] = Columns(block.trail)
             jobs.append((columns, block.trail.head, block.count * columns.size))
             whole += jobs[-1][2]
@@ -187,15 +187,6 @@ class Columns:
         known = [*[0] * AIMED, address(self._alike), self.size, len(table)]
         self.job = np.array([*known, *(v for line in table for v in line)], np.int64)
         self.address = address(self.job)
-
-    def fits(self, row: Row) -> bool:
-        """Whether the samples of a row have the same form."""
-        own, one, other = self.row, self.row.alike, row.alike
-        return (
-            (row.kind, row.memory.dtype, row.memory.shape) == (own.kind, own.memory.dtype, own.memory.shape)
-            and one.keys() == other.keys()
-            and all(other[name] is value for name, value in one.items())
-        )
 
 
 def _kind(dtype: "np.dtype[Any]") -> Any:

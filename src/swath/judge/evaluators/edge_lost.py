@@ -49,23 +49,19 @@ class EdgeLost(Later):
         """Note whether there was an edge."""
         states, edges, commands = seen.of(MachineState), seen.of(CropEdge), seen.of(SteerCommand)
         if edges is not None and (states is not None or self._state is not None):
-            is_found = ((edges["confidence"] > 0.0) & np.isfinite(edges["offset"])).tolist()
-            if not self._was_found or self._begin is not None or not all(is_found):
-                self._judge(is_found, edges, states, commands)
+            is_found = (edges["confidence"] > 0.0) & np.isfinite(edges["offset"])
+            for k, found in enumerate(is_found.tolist()):
+                if found and self._was_found and self._begin is None:
+                    continue
+                order = edges.orders[k : k + 1]
+                at = -1 if states is None else int(states.before(order)[0])
+                if at >= 0 or self._state is not None:
+                    steers = held(commands, "is_engaged", order, self._is_steering)[0] > 0.0
+                    self._see_edge(int(edges["t"][k]), partial(self._at, states, at), found, bool(steers))
         if commands is not None:
             self._is_steering = bool(commands["is_engaged"][-1])
         if states is not None:
             self._state = states.newest
-
-    def _judge(self, is_found: list[bool], edges: Block, states: Block | None, steers: Block | None) -> None:
-        at = np.full(len(edges), -1) if states is None else states.before(edges.orders)
-        is_steering = held(steers, "is_engaged", edges.orders, self._is_steering) > 0.0
-        for k, found in enumerate(is_found):
-            if found and self._was_found and self._begin is None:
-                continue
-            if at[k] >= 0 or self._state is not None:
-                where = partial(self._at, states, at[k])
-                self._see_edge(int(edges["t"][k]), where, found, bool(is_steering[k]))
 
     def metrics(self) -> dict[str, float]:
         """Metrics of all losses of the edge; none of a machine without an edge detection."""

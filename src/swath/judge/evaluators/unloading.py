@@ -130,13 +130,12 @@ class Unloading(Later):
                         self._note(block, int(block.before(np.array([order]))[0]))
                     self._judge(name, signal, since)
         for block in carriers:
-            self._note(block, len(block) - 1)
+            self._note(block, block.count - 1)
 
     def _note(self, carrier: Block, k: int) -> None:
         """Where a machine or trailer is: the kth of its samples, -1 = the last one before."""
         if k >= 0:
-            is_last = k == len(carrier) - 1
-            sample = carrier.newest if is_last else carrier.sample(k)
+            sample = carrier.newest if k == carrier.count - 1 else carrier.sample(k)
             self._latest[carrier.slot.partition(".")[0], carrier.kind] = sample
 
     def metrics(self) -> dict[str, float]:
