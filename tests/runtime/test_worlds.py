@@ -388,6 +388,27 @@ def test_the_digest_takes_in_the_same_bytes(seed):
                 assert sample_bytes("a", "b", 7, block.sample(7)) == sample_bytes("a", "b", 7, signal)
 
 
+@pytest.mark.parametrize("room", [1, 2000, 1 << 22])
+def test_the_digest_is_the_same_however_many_worlds_are_laid_out_at_once(room, monkeypatch):
+    """And whichever of the outputs somebody takes in, before or after all of them."""
+    monkeypatch.setattr("swath.record.digest.LAID", room)
+    rng, trails = np.random.default_rng(5), []
+    for number in range(3):
+        row = row_like(SpeedCommand(0, 0.0), 4)
+        trails.append(Trail(row, 1, ("combine.x", f"out_{number}")))
+        for k in range(9):
+            row.take({w: SpeedCommand(k, float(rng.normal())) for w in range(4)})
+            trails[-1].append(9 + k, k)
+    for chosen in (trails, trails[:2], [trails[0], trails[2]], trails):
+        for world in rng.permutation(4).tolist():
+            taken, alone = Digest(), Digest()
+            taken.take(Seen([Block(trail, world) for trail in chosen]))
+            for trail in chosen:
+                for k, t in enumerate(trail.times[: trail.count].tolist()):
+                    alone("combine.x", t, {trail.wire[1]: Block(trail, world).sample(k)})
+            assert taken.hex == alone.hex
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_samples_are_what_they_were_made_of(seed):
     for signals in drawn_signals(np.random.default_rng(seed), 3):

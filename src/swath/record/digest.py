@@ -89,11 +89,15 @@ class Digest:
         """The bytes of blocks of a world; laid out for some worlds at once, by whoever comes first."""
         if not blocks:
             return []
-        world, trail = blocks[0].world, blocks[0].trail
-        if trail.laid is None or world not in trail.laid[1] or len(trail.laid[3]) != len(blocks):
-            by = self if trail.laid is None else trail.laid[0]
-            trail.laid = by, *by._lay(blocks, world)
-        _, worlds, data, places = trail.laid
+        world, trails = (
+            blocks[0].world,
+            [id(block.trail) for block in blocks],
+        )  # they live as long as the look
+        laid = blocks[0].trail.laid
+        if laid is None or laid[1] != trails or world not in laid[2]:
+            by = self if laid is None else laid[0]
+            laid = blocks[0].trail.laid = by, trails, *by._lay(blocks, world)
+        _, _, worlds, data, places = laid
         k = world - worlds[0]
         return [data[at + k * size : at + (k + 1) * size] for at, size in places]
 
