@@ -1,7 +1,9 @@
 """The likelihood-ratio detector against a closed-form canopy with a known edge."""
 
+import re
 from dataclasses import replace
 from functools import partial
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -24,7 +26,8 @@ from swath.control.edge.canopy_classes import (
 from swath.control.edge.likelihood_ratio import LikelihoodRatio, Params
 from swath.core.frames import Pose
 from swath.core.random import Stream
-from swath.signals import Odometry, Scan
+from swath.core.rows import row_of
+from swath.signals import CropEdge, Odometry, Scan
 from tests.control.block_rig import Rig
 from tests.control.canopy_scans import Canopy, answers
 from tests.control.closed_loop import Course, setup_of
@@ -139,6 +142,17 @@ def test_the_feet_of_a_stand_that_leans_in_are_found(tilt):
     edges, error = drive(stand={"tilt": tilt, "lean": 0.1}, metres=20.0)
     assert np.abs(error[150:]).max() < 0.11
     assert all(abs(e) < 2.5 * edge.offset_sd for e, edge in zip(error[150:], edges[150:], strict=True))
+
+
+def test_what_compiled_code_reports_has_the_fields_of_the_signal_in_their_order():
+    code = files("swath.control.edge").joinpath("report.cpp").read_text(encoding="utf-8")
+    own = re.findall(
+        r"^  (D|bool) (.*);$", code.partition("struct Edge {")[2].partition("};")[0], re.MULTILINE
+    )
+    told = [(name, kind) for kind, names in own for name in names.split(", ")]
+    row = row_of(CropEdge, 1).memory.dtype
+    kinds = {np.dtype(float): "D", np.dtype(bool): "bool"}
+    assert told == [(name, kinds[row[name]]) for name in row.names]
 
 
 def test_what_may_lie_aside_turns_no_track():

@@ -7,24 +7,11 @@ arithmetic is the same for both sides, so left and right give mirrored results e
 
 from math import sqrt
 
-from swath.core.component import KeepsState
-
 EVENLY = sqrt(12.0)  # width of an even spread over its standard deviation
 TOLERANCE = 0.10  # m, of the confidence
 LEAST_SURE = 0.01  # confidence of an edge that is reported
 TUKEY, MAD = 4.685, 1.4826  # of robust fits: where a weight becomes none, deviation over median
 UNSURE = 0.45  # the greatest one of an edge that is held, not seen
-
-
-class Clears(KeepsState):
-    """State that begins as `clear` leaves it."""
-
-    def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Begin anew."""
-        raise NotImplementedError
 
 
 def crop_sign(edge_side: str) -> float:
