@@ -5,7 +5,7 @@ import os
 import stat
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, partial, wraps
 from pathlib import Path
@@ -105,6 +105,22 @@ def filled_by(kind: Any, owner: Any) -> Any:
 def exact_code(*files: Path) -> str:
     """The body of a native function, in files, that has `ExactSum` and `exact_length` of exact.cpp."""
     return "\n".join(f.read_text(encoding="utf-8") for f in (Path(__file__).parent / "exact.cpp", *files))
+
+
+def known(numbers: Mapping[str, Any]) -> str:
+    """Numbers, one or several under a name, as native functions know them: lines before the body."""
+    lines = []
+    for name, value in numbers.items():
+        several = value if isinstance(value, tuple) else (value,)
+        if isinstance(several[0], int | float):
+            kind, listed = "int" if isinstance(several[0], int) else "double", ", ".join(map(repr, several))
+            is_one = len(several) == 1
+            lines.append(
+                f"constexpr {kind} {name} = {listed};"
+                if is_one
+                else f"constexpr {kind} {name}[] = {{{listed}}};"
+            )
+    return "\n".join(lines)
 
 
 def constants(*values: float) -> tuple[Any, ...]:

@@ -19,25 +19,15 @@ ROOM = 1024  # rays of a look, at first
 @wp.kernel
 def learn(
     offsets: wp.array(dtype=kernel.Offset),
-    rays: wp.array2d(dtype=wp.float64),
+    rays: kernel.Table,
     asked: kernel.Numbers,
     seen: kernel.Table,
     heights: kernel.Numbers,
-    logs: kernel.Table,
-    score: kernel.Table,
+    scratch: kernel.Numbers,
 ):
-    """rays: rows upper, lower, height; asked: how many, top, limit, guess of the shift [m], 1 where it is to
-    be fitted, then what it comes to.
-    """
-    r = kernel.Rays()
-    r.upper = rays[0]
-    r.lower = rays[1]
-    r.level = rays[2]
-    r.count = int(asked[0])
-    r.top = asked[1]
-    r.limit = asked[2]
-    if kernel.count_rays(offsets[0], r, seen, heights) and asked[4] > wp.float64(0.0):
-        asked[5] = kernel.fitted_shift(offsets[0], asked[3], seen, logs, score)
+    """rays: rows upper, lower, height; asked: what rays tell, how many there are, then what the shift is."""
+    n = int(asked[5])
+    asked[6] = kernel.learn_offset(offsets[0], rays[0], rays[1], rays[2], n, asked, seen, heights, scratch)
 
 
 @dataclass(frozen=True)
@@ -73,7 +63,7 @@ class CanopyOffset(KeepsState):
         self.tables = tables_of(parts)
         self.shapes = shapes_of(self.tables)
         self._seen, self._heights = (np.zeros(shape) for shape in self.shapes[:2])
-        self._asked, self._rays = np.zeros(6), np.zeros((3, ROOM))
+        self._asked, self._rays = np.zeros(7), np.zeros((3, ROOM))
         self._launch = None
         self.clear()
 
@@ -103,9 +93,9 @@ class CanopyOffset(KeepsState):
         self.compile()
         self._rays[:, :count] = rays.upper, rays.lower, rays.height
         is_due = self._since >= OFTEN and height > 0.0
-        self._asked[:] = count, rays.top, rays.limit, self._guess(height), is_due, np.nan
+        self._asked[:] = 0.0, rays.top, rays.limit, self._guess(height), is_due, count, np.nan
         self._launch()
-        if np.isfinite(found := float(self._asked[5])):
+        if np.isfinite(found := float(self._asked[6])):
             self._since, self._shift = 0.0, found
 
     def shift(self, height: float) -> float:

@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 
 from swath.control.edge.feet.canopy_offset import LAYER, TALLEST, stopped
-from swath.control.edge.feet.canopy_offset_kernel import height_at, sum_of
+from swath.control.edge.feet.canopy_offset_kernel import code
 from swath.kernels import repeatable, shared
 from swath.runtime.assembly import assemble
 from swath.runtime.evaluation import make_evaluation
@@ -49,12 +49,17 @@ def test_the_chance_to_meet_so_many_pieces_is_that_of_drawn_ones(parts):
     assert stopped(np.array([1.0, 4.0]), parts) == pytest.approx((drawn >= parts).mean(axis=1), abs=0.01)
 
 
+@wp.func_native(
+    code() + "return height_at(counts.data, counts.shape[0], sum(counts.data, counts.shape[0]), share, 0.02);"
+)
+def height_of(counts: wp.array(dtype=wp.float64), share: wp.float64) -> wp.float64: ...
+
+
 @wp.kernel
 def read_heights(counts: wp.array2d(dtype=wp.float64), shares: wp.array2d(dtype=wp.float64)):
     w = wp.tid()
-    total = sum_of(counts[w], counts.shape[1])
     for k in range(shares.shape[1]):
-        shares[w, k] = height_at(counts[w], total, shares[w, k], wp.float64(0.02))
+        shares[w, k] = height_of(counts[w], shares[w, k])
 
 
 def test_heights_below_which_a_share_lies():

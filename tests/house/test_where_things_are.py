@@ -31,7 +31,9 @@ def test_every_row_is_one_link_and_there_are_enough():
 def test_the_file_holds_it(what, file, name):
     text = (PAGE.parent / file).read_text(encoding="utf-8")
     defined = (
-        rf"^(?:class|def) {name}\b|^{name}\b.*=" if file.endswith(".py") else rf"^\s*{re.escape(name)}\b"
+        rf"^(?:class|def) {name}\b|^{name}\b.*="
+        if file.endswith(".py")
+        else rf"^\s*(?:static constexpr auto )?{re.escape(name)}\b"
     )
     assert re.search(defined, text, re.MULTILINE), f"{file} defines no {name}"
     if "`" in what:

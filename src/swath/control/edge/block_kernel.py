@@ -7,7 +7,7 @@ import warp as wp
 from swath.control.edge import block_rows, canopy_classes
 from swath.control.edge.detector_kernel import Grid, Memory, Numbers, code
 from swath.control.edge.feet.canopy_offset import OFTEN
-from swath.control.edge.feet.canopy_offset_kernel import Offset, Rays, count_rays, fitted_shift
+from swath.control.edge.feet.canopy_offset_kernel import Offset, learn_offset
 from swath.control.edge.profile import EVENLY
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
@@ -38,12 +38,11 @@ def look(
     offsets: wp.array(dtype=Offset),
     seen: wp.array3d(dtype=wp.float64),
     heights: Grid,
-    scratch: wp.array3d(dtype=wp.float64),
+    scratch: Numbers,
 ):
     """The blocks that are full, in each world. tracks: rows of `BLOCK_TRACK`, flat.
 
-    offsets, seen, heights, scratch: of all worlds, of each, for all: what the overhang is fitted to, see
-    `canopy_offset_kernel`; scratch: for its logs, and for its scores
+    offsets, seen, heights, scratch: of all worlds, of each, for all: see `canopy_offset_kernel`
     """
     w = wp.tid()
     if active[w]:
@@ -51,14 +50,7 @@ def look(
         found = wp.float64(wp.nan)
         count = look_at_block(m, tracks[w], False, found)
         if count >= 0:
-            r = Rays()
-            r.upper = m.told[0]
-            r.lower = m.told[1]
-            r.level = m.told[2]
-            r.count = count
-            r.top = m.told[3, 0]
-            r.limit = m.told[3, 1]
-            is_due = m.told[3, 3] > wp.float64(0.0)
-            if count_rays(offsets[0], r, seen[w], heights[w]) and is_due:
-                found = fitted_shift(offsets[0], m.told[3, 2], seen[w], scratch[0], scratch[1])
+            found = learn_offset(
+                offsets[0], m.told[0], m.told[1], m.told[2], count, m.told[3], seen[w], heights[w], scratch
+            )
         look_at_block(m, tracks[w], True, found)

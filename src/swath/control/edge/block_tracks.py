@@ -43,8 +43,12 @@ class BlockTracks:
 
         tables = tables_of(PARTS)
         self._held = filled(Offset, **tables)  # whose arrays the launch reads
-        places, _, logs, scores = shapes_of(tables)
+        places, _, scratch = shapes_of(tables)
         n, feet = len(self.rows), self.rows["feet"]
-        scratch = np.zeros((2, scores[0], max(logs[1], scores[0] * scores[1])))
         counts = feet["seen"].reshape(n, *places), feet["heights"]
-        return self.rows.view(np.float64).reshape(n, -1), of_worlds(Offset, [self._held]), *counts, scratch
+        return (
+            self.rows.view(np.float64).reshape(n, -1),
+            of_worlds(Offset, [self._held]),
+            *counts,
+            np.zeros(scratch),
+        )

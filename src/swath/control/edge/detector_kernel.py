@@ -13,7 +13,7 @@ from swath.control.edge.detector_rows import ROW
 from swath.control.edge.feet.overhang import DEVIATIONS, DIRECTIONS, LEANS
 from swath.control.edge.profile import EVENLY, LEAST_SURE, MAD, TOLERANCE, TUKEY, UNSURE
 from swath.control.inertial_kernel import incline, turn
-from swath.kernels import constants, exact_code
+from swath.kernels import constants, exact_code, known
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 ZERO, NS = constants(0.0, 1e9)
@@ -36,20 +36,11 @@ def code(*files: str, names: Mapping[Any, str] | None = None, **numbers: Any) ->
 
     names: of rows whose numbers are a base of a struct of that name
     """
-    kind = lambda v: "int" if isinstance(v, int) else "double"  # noqa: E731
-    known = {k: v if isinstance(v, tuple) else (v,) for k, v in {**_KNOWN, **numbers}.items()}
-    known = {k: v for k, v in known.items() if isinstance(v[0], int | float)}
-    lines = [
-        f"constexpr {kind(v[0])} {k}[] = {{{', '.join(map(repr, v))}}};"
-        if len(v) > 1
-        else f"constexpr {kind(v[0])} {k} = {v[0]!r};"
-        for k, v in known.items()
-    ]
     body = exact_code(*(_FOLDER / f"{file}.cpp" for file in ("numbers", "moved", *files)))
     for row, name in (names or {}).items():
         own, head = detector_rows.members(row, names or {}), f"struct {name} : {name}Row "
         body = body.replace(head, f"struct {name}Row {{ {own} }};\n{head}")
-    return "\n".join([*lines, detector_rows.structs(), body])
+    return "\n".join([known({**_KNOWN, **numbers}), detector_rows.structs(), body])
 
 
 @wp.struct

@@ -27,8 +27,6 @@ for (int k = 0; k < block.row.rays; ++k) {
   lines[1][n] = answer.lower - t.accepted.beside;
   lines[2][n++] = answer.height;
 }
-lines[3][0] = t.accepted.height;
-lines[3][1] = LIMIT * t.accepted.height;
-lines[3][2] = CanopyFeet::guess(t.accepted.height);
-lines[3][3] = t.feet.since >= OFTEN;
+const D height = t.accepted.height, all[] = {0.0, height, LIMIT * height, CanopyFeet::guess(height), (D)(t.feet.since >= OFTEN)};
+for (int k = 0; k < 5; ++k) lines[3][k] = all[k];
 return n;

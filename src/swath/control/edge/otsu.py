@@ -121,11 +121,11 @@ class Detectors(KeepsRows, Compiled):
         structs = {count: filled(Offset, **own) for count, own in tables.items()}
         self._held = [structs[part.params.echo_parts] for part in parts]
         self._offsets = of_worlds(Offset, self._held)
-        places, layers, logs, scores = shapes_of(next(iter(tables.values())))
+        places, layers, scratch = shapes_of(next(iter(tables.values())))
         self._states = Rows(kernel.State, n)
         self._tracks, self._seen = np.zeros((n, ROOM, 7)), np.zeros((n, *places))
         self._heights = np.zeros((n, *layers))
-        self._logs, self._scores = (np.zeros((1, *shape)) for shape in (logs, scores))
+        self._scratch = np.zeros(scratch)
         self._mountings = np.array(
             [[*p.setup.mounting.position, *p.setup.mounting.rotation.flat] for p in parts]
         )
@@ -164,11 +164,12 @@ class Detectors(KeepsRows, Compiled):
         ranges = np.zeros((n, 0), np.float32) if scan is None else scan.arrays["ranges"][:, :, 0]
         stamp = np.zeros(1, np.int64) if scan is None else scan.stamp
         room = max(ranges.shape[1], ROOM) + 1
-        scratch, indices = np.zeros((1, kernel.SCRATCH, room)), np.zeros((1, room), np.int32)
+        scratch = np.zeros((1, kernel.SCRATCH + 1, room))
+        indices = np.zeros((1, 2 * room), np.int32)
         motion = self.column("odometry", "speed"), self.column("odometry", "yaw_rate")
         beams = shared(self._directions, start_warp().vec3d), shared(self._ago)
         asked = shared(self.clock), shared(stamp), *motion, shared(self._inertial.rows), shared(ranges)
-        kept = self._tracks, self._seen, self._heights, scratch, self._logs, self._scores, indices
+        kept = self._tracks, self._seen, self._heights, scratch, indices, self._scratch
         about = self._settings.array, self._offsets, shared(self._mountings)
         given = [*about, *asked, *beams, self._states.array, *map(shared, (*kept, self._edges))]
         return [*first, self.launch(kernel.detect, *given)]

@@ -41,21 +41,19 @@ def tables_of(parts: int) -> dict[str, Any]:
     spreads = geomspace(0.02, 0.3, SPREADS)
     lateral = np.subtract.outer(middle, shifts).T  # of places from shifts, few are distinct
     apart = np.round(lateral / STEP).astype(np.int64)
-    which = apart - apart.min()  # [shift, place] -> place of `there`
     steps = STEP * np.arange(apart.min(), apart.max() + 1) + float(lateral[0, 0] - STEP * apart[0, 0])
     there = np.interp(steps / spreads[:, None], _Z, _PHI)  # share of the stand, [spread, ...]
-    some, place = np.unique(there, return_inverse=True)  # half of them are the same
-    place = np.moveaxis(place.reshape(there.shape)[:, which], 0, -1)
+    some, share = np.unique(there, return_inverse=True)  # half of them are the same
     tables: dict[str, Any] = {"middle": middle, "shifts": shifts, "met": _MET, "chance": stopped(_MET, parts)}
-    # which: [shift, place, spread] -> place of `there`
-    tables |= {"there": some, "which": np.ascontiguousarray(place, np.int32)}
+    tables |= {"there": some, "share": np.ascontiguousarray(share.reshape(there.shape).T, np.int32)}
+    tables["step"] = np.ascontiguousarray(apart - apart.min(), np.int32)
     return tables | {"first": FROM, "bin": BIN, "layer": LAYER}
 
 
 def shapes_of(tables: Mapping[str, Any]) -> tuple[tuple[int, ...], ...]:
-    """Of counts of rays that went on and that were stopped, by place; of heights; of logs, of scores."""
-    shifts, shares = (len(tables[name]) for name in ("shifts", "there"))
-    return (2, BINS), (HEIGHTS,), (2, shares), (SPREADS, shifts)
+    """Of counts of rays that went on and that were stopped, by place; of heights; of the scratch."""
+    shifts, shares, steps = (len(tables[name]) for name in ("shifts", "there", "share"))
+    return (2, BINS), (HEIGHTS,), (2 * shares + SPREADS * (2 * steps + shifts),)
 
 
 def stopped(met: F64, parts: int) -> F64:
