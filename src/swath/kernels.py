@@ -107,6 +107,15 @@ def exact_code(*files: Path) -> str:
     return "\n".join(f.read_text(encoding="utf-8") for f in (Path(__file__).parent / "exact.cpp", *files))
 
 
+def once(body: str) -> str:
+    """The body of a native function whose functions are compiled once, not where they are called.
+
+    For what is called some times a second: each copy of a function takes its time to compile.
+    """
+    held = "#pragma clang attribute push(__attribute__((noinline)), apply_to=function)"
+    return f"{held}\n{body}\n#pragma clang attribute pop\n"
+
+
 def known(numbers: Mapping[str, Any]) -> str:
     """Numbers, one or several under a name, as native functions know them: lines before the body."""
     lines = []

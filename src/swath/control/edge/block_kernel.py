@@ -9,6 +9,7 @@ from swath.control.edge.detector_kernel import Grid, Memory, Numbers, code
 from swath.control.edge.feet.canopy_offset import OFTEN
 from swath.control.edge.feet.canopy_offset_kernel import Offset, learn_offset
 from swath.control.edge.profile import EVENLY
+from swath.kernels import once
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 FILES = (  # what each knows is what stands before it; the last has the rows of a world `m`, `track`
@@ -21,12 +22,7 @@ KNOWN: dict[str, Any] = {name: value for name, value in _NUMBERS.items() if name
 KNOWN |= {"names": KNOWN.pop("NAMES")}
 
 
-# calls are nothing here, some times a second; each copy of a function takes its time to compile
-_BODY = code(*FILES, "look_at_block", **KNOWN)
-_ALONE = f"#pragma clang attribute push(__attribute__((noinline)), apply_to=function)\n{_BODY}\n"
-
-
-@wp.func_native(f"{_ALONE}#pragma clang attribute pop\n")
+@wp.func_native(once(code(*FILES, "look_at_block", **KNOWN)))
 def look_at_block(m: Memory, track: Numbers, ends: bool, found: wp.float64) -> int: ...
 
 

@@ -13,7 +13,7 @@ from swath.control.edge.detector_rows import ROW
 from swath.control.edge.feet.overhang import DEVIATIONS, DIRECTIONS, LEANS
 from swath.control.edge.profile import EVENLY, LEAST_SURE, MAD, TOLERANCE, TUKEY, UNSURE
 from swath.control.inertial_kernel import incline, turn
-from swath.kernels import constants, exact_code, known
+from swath.kernels import constants, exact_code, known, once
 
 wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 ZERO, NS = constants(0.0, 1e9)
@@ -157,7 +157,7 @@ def take(
                 needs[0] = 1
 
 
-@wp.func_native(code("feet/overhang", "line/near", "report", **_TOLD))
+@wp.func_native(once(code("feet/overhang", "line/near", "report", **_TOLD)))
 def tell(row: Numbers, points: wp.array(dtype=wp.vec4d), edge: wp.array(dtype=wp.uint8), stage: int): ...
 
 
