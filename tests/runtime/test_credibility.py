@@ -25,6 +25,7 @@ from swath.runtime.credibility import (
     INSIDE,
     OUTSIDE,
     Credibility,
+    Looks,
     Scene,
     Seen,
     _holds,
@@ -35,7 +36,7 @@ from swath.runtime.credibility import (
 )
 from swath.runtime.job import run_unrecorded
 from swath.runtime.loop import drive
-from swath.runtime.met import QUANTITIES, where_is
+from swath.runtime.met import QUANTITIES, Where, told_by
 from swath.scenario.scenario import load_scenario
 from swath.scenario.slots import CATALOGUE
 from swath.signals import MachineState
@@ -137,7 +138,7 @@ def test_what_is_too_little_to_change_anything_is_no_doubt(name, high):
     for part, state in ((1e-3, INSIDE), (0.9, INSIDE), (1.1, OUTSIDE), (50.0, OUTSIDE)):
         seen = Seen()
         for _ in range(3):
-            seen.add(high + part * QUANTITIES[name].little, checked)
+            seen.add(Looks([high + part * QUANTITIES[name].little]), checked)
         assert seen.state == state, part
 
 
@@ -154,7 +155,7 @@ def test_a_trace_of_weather_needs_no_word():
 def test_what_is_told_says_on_which_side_of_a_bound_it_is(value, state):
     checked, seen = Checked("ground_speed_kmh", 0.18, 12.6, ""), Seen()
     for _ in range(3):
-        seen.add(value, checked)
+        seen.add(Looks([value]), checked)
     assert seen.state == state
     assert (0.18 <= _told(value, checked) <= 12.6) == (state == INSIDE)
 
@@ -349,11 +350,11 @@ def test_what_nothing_rests_on_leaves_the_verdict():
 def test_strays_are_at_the_edge():
     checked, seen = Checked("spot_mm", 0.0, 1.0, "made"), Seen()
     for _ in range(50):
-        seen.add([0.5] * 99 + [1.5], checked)
-        seen.add([0.5] * 9 + [1.5], checked)  # one echo, of however few
+        seen.add(Looks([[0.5] * 99 + [1.5]]), checked)
+        seen.add(Looks([[0.5] * 9 + [1.5]]), checked)  # one echo, of however few
     assert (seen.state, seen.looks, seen.high) == (EDGE, 100, 1.5)
     for _ in range(3):
-        seen.add([0.5] * 8 + [1.5] * 2, checked)
+        seen.add(Looks([[0.5] * 8 + [1.5] * 2]), checked)
     assert seen.state == OUTSIDE
 
 
@@ -504,7 +505,10 @@ def test_each_slot_meets_its_own_weather_light_and_soil_or_the_fields(seed):
     world = assemble(load_scenario("straight", sets=[*FULL, *sets]))
     world.graph.reset()
     state = MachineState(0, Pose.identity(), 0.0, 0.0, 0.0, 0.0, 0.0)
-    seen = {(name, c.quantity): v for name, c, v in Scene(world).values("combine", state)}
+    scene = Scene(world)
+    scene.take_changes("combine")
+    met_now = scene.values("combine", [scene.note("combine", state)])
+    seen = {(name, c.quantity): values.values[0] for name, c, values in met_now}
 
     def met(slot, name):
         return seen.get((f"combine.{slot}", name), seen.get(("combine", name)))
@@ -532,6 +536,24 @@ def test_each_slot_meets_its_own_weather_light_and_soil_or_the_fields(seed):
     }  # fmt: skip
     for (slot, name), value in expected.items():
         assert met(slot, name) == pytest.approx(value, rel=1e-9, nan_ok=True), (slot, name)
-    whole = where_is(world.leader, world.field, state)
-    assert whole.value("rain_mm_h") == max(rains.values())
-    assert whole.value("dust_per_m") == max(air.values())
+    whole = Where(world.leader, world.field, [state], [told_by(world.leader, state)])
+    assert whole.values("rain_mm_h") == [max(rains.values())]
+    assert whole.values("dust_per_m") == [max(air.values())]
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        [CHEAP, "field.stand.lean_deg=25", "combine.lidar.weather.rain_mm_h=3"],
+        [*PROFILE, SLOPE.format(9, 40)],
+        [CHEAP, "field.soil.cone_index_kpa=900", "field.terrain={level: formula, roughness_class: D}"],
+        ["field.stand.wind={speed_m_s: 3}"],
+    ],
+)
+def test_it_does_not_matter_how_many_looks_are_judged_together(sets, monkeypatch):
+    found = []
+    for together in (1, 3, 1000):
+        monkeypatch.setattr("swath.runtime.credibility.TOGETHER", together)
+        found.append(run(*sets, distance=6)["credibility"])
+    assert found[0] == found[1] == found[2]
+    assert all(row["looks"] >= 5 for row in found[0]["slots"]["combine.lidar"]["quantities"])

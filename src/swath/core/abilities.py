@@ -113,6 +113,20 @@ class Meets(Protocol, metaclass=ByMembers):
 
 
 @runtime_checkable
+class MeetsLater(Protocol, metaclass=ByMembers):
+    """A part that notes what it meets, and finds out what that is of many notes at once.
+
+    note_met: what it takes, at the time; met: of notes, what the part met at each, as `Meets` has it
+    """
+
+    def note_met(self, state: Any) -> Any:
+        """What there is to know of now."""
+
+    def met(self, notes: Sequence[Any]) -> Sequence[Mapping[str, Any]]:
+        """What the part met at each note."""
+
+
+@runtime_checkable
 class HasNotes(Protocol, metaclass=ByMembers):
     """A part with notes for the user. notes: whole sentences, for summary.json and the report."""
 

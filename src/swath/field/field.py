@@ -211,12 +211,15 @@ class Field:
 
     def ground_at(self, x: Any, y: Any) -> Array:
         """As `ground_height`, to the bit, without pages; the time grows with the square of the points."""
-        u, v = (a / self.maker.node for a in self._points(x, y))
-        iu, iv, k = np.floor(u), np.floor(v), np.arange(u.size)
-        columns, rows = (self.maker.node * np.concatenate([a, a + 1.0], axis=None) for a in (iu, iv))
+        u, v = self._points(x, y)
+        u, v = u / self.maker.node, v / self.maker.node
+        iu, iv = np.floor(u), np.floor(v)
+        near, far = np.arange(u.size).reshape(u.shape), np.arange(u.size, 2 * u.size).reshape(u.shape)
+        columns = self.maker.node * np.concatenate([iu, iu + 1.0], axis=None)
+        rows = self.maker.node * np.concatenate([iv, iv + 1.0], axis=None)
         z = self.terrain.lattice(columns, rows, self.stand_yaw).astype(np.float32).astype(np.float64)
-        near, far = ([z[j, i].reshape(u.shape) for i in (k, k + u.size)] for j in (k, k + u.size))
-        low, high = (a + (b - a) * (u - iu) for a, b in (near, far))
+        low = z[near, near] + (z[near, far] - z[near, near]) * (u - iu)
+        high = z[far, near] + (z[far, far] - z[far, near]) * (u - iu)
         return np.asarray(low + (high - low) * (v - iv))
 
     def footprint(self, points: Any) -> Footprint:
@@ -307,9 +310,14 @@ class Field:
             code[dense] = p.cut[row[dense], v[dense], u[dense]]
         return code, np.asarray(p.tile_stand[slot, v // 64, u // 64, 3] > 0.0)
 
+    @property
+    def is_firm(self) -> bool:
+        """Whether the ground stays as it is."""
+        return self.soil is None or not self.soil.has_ruts
+
     def press(self, strips: Sequence[Strip]) -> None:
         """Let wheels leave ruts in soil that gives way; rays and `ground_height` meet them from now on."""
-        if self.soil is not None and self.soil.has_ruts and self.profile is None:
+        if self.soil is not None and not self.is_firm and self.profile is None:
             touched = self.ruts.press(strips, self._to_nodes, self.soil.pass_exponent)
             self.ruts.show(self.store, touched)
 
@@ -449,7 +457,7 @@ class Field:
         reach = at + [-room, room] + [[min(way * to, 0.0), max(way * to, 0.0)] for to in turn]
         _check_near(*(self.maker.node * reach))
         low, high = np.floor(reach).astype(int).T
-        if self.profile is not None or (self.soil is not None and self.soil.has_ruts):
+        if self.profile is not None or not self.is_firm:
             x, y = (self.maker.node * np.arange(k, m + 2) for k, m in zip(low, high, strict=True))
             held: Array = self.terrain.lattice(x, y, self.stand_yaw).astype(np.float32).astype(np.float64)
             return int(low[0]), int(low[1]), held

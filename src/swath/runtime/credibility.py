@@ -18,12 +18,13 @@ far. What is broken by the event that ended the run is judged: it is why there i
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, nan
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swath.core.abilities import Ending, HasRanges
+from swath.core.abilities import Ending, HasRanges, Meets, MeetsLater
 from swath.core.blocks import samples_of
 from swath.core.errors import InputError
 from swath.core.estimate import Estimate, held
@@ -39,7 +40,7 @@ from swath.judge.evaluator import NEVER, HasEvents, HasSignals, Metric
 from swath.judge.waking import Waking
 from swath.judge.windows import FIELD
 from swath.kernels import Repeated
-from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, Where, untold, where_is
+from swath.runtime.met import EVERY_M, FIXED, QUANTITIES, Where, untold
 from swath.runtime.world import Machine, World
 from swath.signals import MachineState
 
@@ -47,11 +48,39 @@ SUMMARY = "credibility"
 NEVER_CHECKED = "never_checked"  # its key of quantities that levels were met with and never checked for
 INSIDE, EDGE, OUTSIDE = "inside", "at the edge", "outside"
 Asked = tuple[str, str, Checked, tuple[str, ...]]
+Note = tuple[MachineState, dict[str, Any]]  # of a machine, and what its parts say or note of what they meet
 STATES = (INSIDE, EDGE, OUTSIDE)
 TOLERATED = 0.02  # share of the values of a look that may lie beyond a range
 SLACK = 1e-6  # share of a bound that comes of rounding, as of units
+TOGETHER = 16  # notes that are judged together where the ground stays as it is
 LOOKS = 3  # beyond a range that make a slot outside of it
 REST = NS // 10  # between two questions whether a machine has moved on [ns]
+
+
+class Looks:
+    """Values of a quantity in looks, those that are finite.
+
+    each: of every look, a number or several
+    values: all of them, one look after the other; counts: how many each has; low, high: of all
+    is_plain: whether each has one
+    """
+
+    def __init__(self, each: Sequence[Any]) -> None:
+        is_single = set(map(type, each)) <= {float}
+        sizes = [1 if is_single else np.size(value) for value in each]
+        self._ends = np.cumsum(sizes)
+        values = np.array(each) if is_single else np.concatenate([np.ravel(value) for value in each])
+        known = np.isfinite(values)
+        self.counts = self.count(known)
+        self.values = np.where(known, values, nan)
+        self.low = float(values.min(initial=inf, where=known))
+        self.high = float(values.max(initial=-inf, where=known))
+        self.is_plain = is_single and bool(known.all())
+
+    def count(self, some: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """How many of the values of each look are among some."""
+        found: NDArray[np.int64] = np.diff(np.append(0, np.cumsum(some))[self._ends], prepend=0)
+        return found
 
 
 @saved_type()
@@ -71,19 +100,18 @@ class Seen:
     beyond: int = 0
     strays: int = 0
 
-    def add(self, values: Any, checked: Checked) -> None:
-        """Take in the values of a look."""
-        first, last = _with_slack(checked)
-        values = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        values = values[np.isfinite(values)]
-        count, low, high = len(values), values.min(initial=inf), values.max(initial=-inf)
-        strays = ((values < first) | (values > last)).tolist().count(True)
-        if not count:
-            return
-        self.low, self.high = min(self.low, float(low)), max(self.high, float(high))
-        self.looks += 1
-        self.beyond += strays > (max(1.0, TOLERATED * count) if count > 1 else 0.0)
-        self.strays += strays
+    def add(self, values: Looks, checked: Checked) -> None:
+        """Take in the values of looks."""
+        if values.is_plain and checked.low <= values.low and values.high <= checked.high:
+            self.looks += len(values.counts)
+        elif values.counts.any():
+            first, last = _with_slack(checked)
+            strays = values.count((values.values < first) | (values.values > last))
+            tolerated = np.where(values.counts > 1, np.maximum(1.0, TOLERATED * values.counts), 0.0)
+            self.looks += int(np.count_nonzero(values.counts))
+            self.beyond += int(np.count_nonzero(strays > tolerated))
+            self.strays += int(strays.sum())
+        self.low, self.high = min(self.low, values.low), max(self.high, values.high)
 
     @property
     def state(self) -> str:
@@ -104,48 +132,90 @@ class Scene:
         self.unchecked: dict[str, dict[str, list[str]]] = {}
         self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
         self.slots = {m.name: m.slots for m in world.machines.values()}
-        self._fixed: dict[str, dict[str, float]] = {}  # of machines, by quantity
+        self._fixed: dict[str, dict[str, list[float]]] = {}  # of machines, by quantity: the one value
+        self._held: dict[str, list[int]] = {}  # which parts and changes a machine had
+        self._meeting: dict[str, list[tuple[str, Any, bool]]] = {}  # its parts that meet, whether later
+        self._foreign: dict[str, set[str]] = {}
         self._asked: dict[str, list[tuple[str, str, Checked, tuple[str, ...]]]] = {}  # as `_ask` gives it
         for machine in world.machines.values():
             self._find_ranges(machine)
 
     def _find_ranges(self, machine: Machine) -> None:
-        ranges = self.ranges[machine.name] = dict(_ranges_of(machine))
-        self.unchecked[machine.name] = _unchecked(machine, ranges)
-        self._fixed[machine.name] = {}
-        self._asked.pop(machine.name, None)
+        name = machine.name
+        ranges = self.ranges[name] = dict(_ranges_of(machine))
+        self.unchecked[name] = _unchecked(machine, ranges)
+        self._fixed[name] = {}
+        self._asked.pop(name, None)
         self._nodes = {node.slot.name: node for node in self.world.graph.nodes}
 
-    def _take_changes(self, machine: Machine) -> None:
-        """Levels and parameters that came in since the last look."""
-        before, now = self.slots[machine.name], machine.slots
-        if changed := [slot for slot, choice in now.items() if choice is not before[slot]]:
-            self.slots[machine.name] = now
-            self.parts[machine.name] |= {slot: machine.parts[slot] for slot in changed}
-            self._find_ranges(machine)
+    def is_known(self, machine: str) -> bool:
+        """Whether it has the levels, parameters and parts that it had when it was looked at last."""
+        about = self.world.machines[machine]
+        now = [*map(id, about.parts.values()), *map(id, about.changed.values())]
+        return self._held.get(machine) == now
 
-    def values(self, machine: str, state: MachineState) -> list[tuple[str, Checked, Any]]:
-        """What a machine meets now, for each slot and range; of what no level declares for the machine, and
-        for slots that are told something else of it.
-        """
-        about, found, known = self.world.machines[machine], [], dict[str, float]()
-        self._take_changes(about)
-        where, fixed = where_is(about, self.world.field, state), self._fixed[machine]
+    def take_changes(self, machine: str) -> None:
+        """Levels, parameters and parts that came in since the last look."""
+        about = self.world.machines[machine]
+        before, now = self.slots[machine], about.slots
+        if changed := [slot for slot, choice in now.items() if choice is not before[slot]]:
+            self.slots[machine] = now
+            self.parts[machine] |= {slot: about.parts[slot] for slot in changed}
+            self._find_ranges(about)
+        own = [(slot, part) for slot, part in about.parts.items() if isinstance(part, Meets)]
+        self._meeting[machine] = [(slot, part, isinstance(part, MeetsLater)) for slot, part in own]
+        # a part from elsewhere may have come into a slot, whose ranges are not its own
+        self._foreign[machine] = {s for s, part in about.parts.items() if part is not self.parts[machine][s]}
+        self._held[machine] = [*map(id, about.parts.values()), *map(id, about.changed.values())]
+
+    def note(self, machine: str, state: MachineState) -> Note:
+        """What there is to know of a machine now."""
+        told = {}
+        for slot, part, is_later in self._meeting[machine]:
+            told[slot] = part.note_met(state) if is_later else part.meets(state)
         if machine not in self._asked:
-            self._asked[machine] = list(self._ask(about, where))
+            self._find_asked(machine, self._where(machine, [(state, told)]))
+        return state, told
+
+    def _find_asked(self, machine: str, where: Where) -> None:
+        asked = self._asked[machine] = list(self._ask(self.world.machines[machine], where))
+        plain = {checked.quantity for *_, checked, tellers in asked if not tellers}
+        self._fixed[machine] = {name: where.by_field(name)[:1] for name in FIXED & plain}
+
+    def _where(self, machine: str, notes: Sequence[Note]) -> Where:
+        """Where a machine was at the times of notes."""
+        told = [dict(told) for _, told in notes]
+        for slot, part, is_later in self._meeting[machine]:
+            if is_later:
+                for all_of_it, met in zip(told, part.met([own[slot] for own in told]), strict=True):
+                    all_of_it[slot] = met
+        return Where(self.world.machines[machine], self.world.field, [state for state, _ in notes], told)
+
+    def values(self, machine: str, notes: Sequence[Note]) -> Iterator[tuple[str, Checked, Looks]]:
+        """What a machine met at the times of notes, for each slot and range; of what no level declares for
+        the machine, and for slots that are told something else of it.
+        """
+        if machine not in self._held:  # notes of a saved moment
+            self.take_changes(machine)
+        where = self._where(machine, notes)
+        if machine not in self._asked:
+            self._find_asked(machine, where)
+        fixed = self._fixed[machine]
+        known: dict[tuple[str, str | tuple[str, ...]], Looks] = {}
+        each: Sequence[Any]
         for subject, slot, checked, tellers in self._asked[machine]:
-            name = checked.quantity
-            if slot and about.parts.get(slot) is not self.parts[machine][slot]:
-                continue  # something from elsewhere has come into the slot, whose ranges these are not
-            if tellers:
-                value = where.told[slot][name] if slot in tellers else where.value(name, tellers)
-            else:
-                held = fixed if name in FIXED else known
-                if name not in held:
-                    held[name] = QUANTITIES[name].at(where)
-                value = held[name]
-            found.append((subject, checked, value))
-        return found
+            name, of = checked.quantity, slot if slot in tellers else tellers
+            if slot in self._foreign[machine]:
+                continue
+            if (name, of) not in known:
+                if not of:
+                    each = fixed[name] * len(notes) if name in FIXED else where.by_field(name)
+                elif isinstance(of, str):
+                    each = [told[of][name] for told in where.told]
+                else:
+                    each = where.values(name, of)
+                known[name, of] = Looks(each)
+            yield subject, checked, known[name, of]
 
     def _ask(self, machine: Machine, where: Where) -> Iterator[Asked]:
         """Whom a value counts for; the slot whose range it is, "" = only plain values are known; the range;
@@ -153,7 +223,7 @@ class Scene:
         """
         for slot, ranges in self.ranges[machine.name].items():
             for checked in ranges:
-                if checked.quantity not in (known := (*QUANTITIES, *where.told.get(slot, ()))):
+                if checked.quantity not in (known := (*QUANTITIES, *where.told[0].get(slot, ()))):
                     key = f"{machine.name}.{slot}.checked"
                     raise InputError(key, checked.quantity, f"expected one of {', '.join(known)}")
                 yield f"{machine.name}.{slot}", slot, checked, self._tellers(where, slot, checked.quantity)
@@ -169,10 +239,10 @@ class Scene:
     def _tellers(self, where: Where, slot: str, name: str) -> tuple[str, ...]:
         """Who says what a slot meets of a quantity: its part, or of control the nearest that it hears."""
         machine, found = where.machine, dict[str, None]()
-        waiting, seen = [slot], {slot}
+        waiting, seen, told = [slot], {slot}, where.told[0]
         while waiting:
             own = waiting.pop()
-            if name in where.told.get(own, ()) and (own == slot or isinstance(where.told[own][name], float)):
+            if name in told.get(own, ()) and (own == slot or isinstance(told[own][name], float)):
                 found[own] = None
             elif machine.slots[slot].kind.is_control:
                 wires = self._nodes[f"{machine.name}.{own}"].wires.values()
@@ -213,6 +283,7 @@ class Credibility:
         self.next_m = dict.fromkeys(scene.ranges, 0.0)
         self.next_t = dict.fromkeys(scene.ranges, 0)
         self._seen: dict[tuple[str, str], Seen] = {}
+        self._notes: dict[str, list[Note]] = {}  # by machine, those that were not judged yet
 
     @classmethod
     def looking(cls, parts: Sequence["Credibility"], slot: str, kinds: Sequence[type[Signal]]) -> "_Ways":
@@ -227,17 +298,26 @@ class Credibility:
             ways.look()
 
     def look_at(self, machine: str, state: MachineState) -> None:
-        """Take in what a machine meets now."""
-        for slot, checked, values in self.scene.values(machine, state):
-            seen = self._seen.get((slot, checked.quantity))
-            if seen is None:
-                seen = self._seen[slot, checked.quantity] = Seen()
-            # most are a number within the bounds: no call
-            if isinstance(values, float) and checked.low <= values <= checked.high and isfinite(values):
-                seen.low, seen.high = min(seen.low, float(values)), max(seen.high, float(values))
-                seen.looks += 1
-            else:
-                seen.add(values, checked)
+        """Note what a machine meets now; many notes are judged together."""
+        if not self.scene.is_known(machine):
+            self._judge(machine)
+            self.scene.take_changes(machine)
+        notes = self._notes.setdefault(machine, [])
+        notes.append(self.scene.note(machine, state))
+        if len(notes) == TOGETHER or not self.scene.world.field.is_firm:
+            self._judge(machine)
+
+    def _judge(self, machine: str) -> None:
+        if notes := self._notes.pop(machine, []):
+            for slot, checked, values in self.scene.values(machine, notes):
+                self._seen.setdefault((slot, checked.quantity), Seen()).add(values, checked)
+
+    @property
+    def seen(self) -> dict[tuple[str, str], Seen]:
+        """By slot and quantity, what was met so far."""
+        for machine in [*self._notes]:
+            self._judge(machine)
+        return self._seen
 
     def metrics(self) -> dict[str, float]:
         """None of its own."""
@@ -295,7 +375,7 @@ class Credibility:
 
     def _unusual(self) -> Iterator[tuple[str, str, str, Seen]]:
         """What was met beyond plain values: machine, slot or "", quantity, and how much."""
-        for (name, quantity), seen in self._seen.items():
+        for (name, quantity), seen in self.seen.items():
             low, high = QUANTITIES[quantity].plain if quantity in QUANTITIES else (-inf, inf)
             if seen.looks and not low <= seen.low <= seen.high <= high:
                 machine, _, slot = name.partition(".")
@@ -352,8 +432,8 @@ class Credibility:
 
     def _met(self, machine: str, slot: str, quantity: str) -> Seen:
         """What a slot met of a quantity for which its level declares no range."""
-        own = self._seen.get((f"{machine}.{slot}", quantity))
-        return own or self._seen.get((machine, quantity), Seen())
+        own = self.seen.get((f"{machine}.{slot}", quantity))
+        return own or self.seen.get((machine, quantity), Seen())
 
     def _never_checked(self) -> dict[str, list[str]]:
         found: dict[str, list[str]] = {}
@@ -364,7 +444,7 @@ class Credibility:
         return found
 
     def _row(self, slot: str, checked: Checked) -> dict[str, Any]:
-        seen = self._seen.get((slot, checked.quantity), Seen())
+        seen = self.seen.get((slot, checked.quantity), Seen())
         return {
             "quantity": checked.quantity,
             "checked": [checked.low, checked.high],

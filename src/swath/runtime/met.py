@@ -16,7 +16,7 @@ from swath.core.abilities import Meets
 from swath.core.errors import InputError, near_miss
 from swath.core.signal import Signal
 from swath.core.units import KPA, PERCENT
-from swath.field.field import Field
+from swath.field.field import FEW, Field
 from swath.field.field_setup import HasRoughness
 from swath.field.weather import GREEN, extinction
 from swath.machine.motion import FIRM
@@ -31,51 +31,81 @@ AHEAD_M = (0.0, 4.0, 8.0)  # of the knife, where a scanner beside it looks
 LOOKED_AT_M = np.stack(np.meshgrid(AHEAD_M, [0.0, 2.0])).reshape(2, -1)  # ahead, and on into the crop
 BESIDE_M = 1.0  # from the edge into the crop, where the stand is looked up that the scanner has before it
 
+Told = Mapping[str, Mapping[str, Any]]  # by slot
 
-@dataclass(frozen=True)
+
 class Where:
-    """Where the machine is.
+    """Where a machine was, at one time or at several.
 
-    place: of the fixed axle [m]; heading [rad]
-    crop: to the side of the crop, a point BESIDE_M within the stand beside the header's end at the edge [m]
+    states: of the machine; told: what parts said that they met, by slot, at each of them
+    places: of the fixed axle [m], headings: [rad], of each
+    crop: to the side of the crop, a point BESIDE_M within the stand beside the header's end at the edge, x
+    and y of each [m]; of a machine without a header its fixed axle
     """
 
-    machine: Machine
-    state: MachineState
-    field: Field
-    place: tuple[float, float]
-    heading: float
-    crop: tuple[float, float]
+    def __init__(
+        self, machine: Machine, field: Field, states: Sequence[MachineState], told: Sequence[Told]
+    ) -> None:
+        self.machine, self.field, self.states, self.told = machine, field, states, told
+        knife, end, cuts = 0.0, 0.0, machine.cuts
+        self.inward = 1.0 if machine.edge_side == "right" else -1.0
+        if cuts:
+            knife, end = machine.sheet.header_end(machine.edge_side)
+            end += self.inward * BESIDE_M
+        self.places: list[tuple[float, float]] = []
+        self.headings: list[float] = []
+        beside = []
+        for state in states:
+            x, y, _ = state.pose.point(0.0, 0.0, 0.0)
+            ahead_x, ahead_y, _ = state.pose.point(1.0, 0.0, 0.0)
+            self.places.append((x, y))
+            self.headings.append(atan2(ahead_y - y, ahead_x - x))
+            beside.append(state.pose.point(knife, end, 0.0)[:2] if cuts else (x, y))
+        self.crop = np.array(beside).T
 
     @cached_property
-    def slopes(self) -> tuple[float, float]:
+    def slopes(self) -> list[tuple[float, float]]:
         """Rise over run across BASE_M, ahead and to the right, in percent."""
-        x, y = self.place
-        ends = []
-        for aside in (0.0, -0.5 * pi):
-            c, s = 0.5 * BASE_M * cos(self.heading + aside), 0.5 * BASE_M * sin(self.heading + aside)
-            ends += [(x + c, y + s), (x - c, y - s)]
-        ahead, behind, right, left = self.field.ground_height(*np.array(ends).T).tolist()
-        return 100.0 * (ahead - behind) / BASE_M, 100.0 * (right - left) / BASE_M
+        points = []
+        for (x, y), heading in zip(self.places, self.headings, strict=True):
+            for aside in (0.0, -0.5 * pi):
+                c, s = 0.5 * BASE_M * cos(heading + aside), 0.5 * BASE_M * sin(heading + aside)
+                points += [(x + c, y + s), (x - c, y - s)]
+        few = len(points) if self.field.profile is None else FEW  # beside a profile without a page
+        pieces = [np.array(points[k : k + few]).T for k in range(0, len(points), few)]
+        ground = np.concatenate([self.field.ground_height(*piece) for piece in pieces]).reshape(-1, 2, 2)
+        rises: list[tuple[float, float]] = (100.0 * (ground[..., 0] - ground[..., 1]) / BASE_M).tolist()
+        return rises
 
-    @cached_property
-    def told(self) -> dict[str, Mapping[str, Any]]:
-        """What parts say that they meet, by slot."""
-        return {n: p.meets(self.state) for n, p in self.machine.parts.items() if isinstance(p, Meets)}
+    def by_field(self, name: str) -> list[float]:
+        """A quantity by the field, at each time; nan where there is none."""
+        value = QUANTITIES[name].at(self)
+        if isinstance(value, float | int):
+            return [float(value)] * len(self.states)
+        found: list[float] = np.asarray(value, dtype=np.float64).tolist()
+        return found
 
-    def value(self, name: str, slots: Sequence[str] | None = None) -> float:
-        """A quantity: the most that parts in these slots, None = in any, say in a number, else the field's;
-        nan where there is none.
+    def values(self, name: str, slots: Sequence[str] | None = None) -> list[float]:
+        """A quantity at each time: the most that parts in these slots, None = in any, say in a number, else
+        the field's.
         """
-        among = self.told if slots is None else slots
-        said = [v for n in among if isinstance(v := self.told[n].get(name), float)]
-        known = [v for v in said if v == v]
-        return max(known, default=nan) if said else QUANTITIES[name].at(self)
+        found, said_by_field = [], None
+        for k, told in enumerate(self.told):
+            said = [
+                v for n in (told if slots is None else slots) if isinstance(v := told[n].get(name), float)
+            ]
+            if said:
+                found.append(max([v for v in said if v == v], default=nan))
+            else:
+                said_by_field = said_by_field or self.by_field(name)
+                found.append(said_by_field[k])
+        return found
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """unit as in a scenario key; meaning: one line; at: its value by the field, nan where there is none.
+    """unit as in a scenario key; meaning: one line; at: its value by the field at each time, or at all of
+    them, nan where there is none.
 
     touches: kinds of slots that it changes
     plain: values that need no word where a level of these was not checked for it
@@ -84,20 +114,19 @@ class Quantity:
 
     unit: str
     meaning: str
-    at: Callable[[Where], float]
+    at: Callable[[Where], Any]
     touches: tuple[str, ...] = ()
     plain: tuple[float, float] = (-inf, inf)
     little: float = 0.0
 
 
-def _lean(where: Where) -> float:
+def _lean(where: Where) -> Any:
     """The most where sensors look, beside the edge and ahead."""
-    (x, y), c, s = where.crop, cos(where.heading), sin(where.heading)
-    inward = 1.0 if where.machine.edge_side == "right" else -1.0
-    ahead, aside = LOOKED_AT_M[0], inward * LOOKED_AT_M[1]
-    return degrees(
-        float(where.field.stand.lean(x + c * ahead - s * aside, y + s * ahead + c * aside)[0].max())
-    )
+    x, y = where.crop[..., None]
+    c, s = np.array([(cos(a), sin(a)) for a in where.headings]).T[..., None]
+    ahead, aside = LOOKED_AT_M[0], where.inward * LOOKED_AT_M[1]
+    lean = where.field.stand.lean(x + c * ahead - s * aside, y + s * ahead + c * aside)[0]
+    return [degrees(most) for most in lean.max(axis=1).tolist()]
 
 
 def _wind(where: Where) -> float:
@@ -124,20 +153,21 @@ def _param(kind: str, name: str) -> Callable[[Where], float]:
     return at
 
 
-def _rain(where: Where) -> float:
+def _rain(where: Where) -> Any:
     weather = where.field.weather
-    return 0.0 if weather is None else weather.at(where.state.t).rain
+    return 0.0 if weather is None else [weather.at(state.t).rain for state in where.states]
 
 
-def _dust(where: Where) -> float:
+def _dust(where: Where) -> Any:
+    if (weather := where.field.weather) is None:
+        return 0.0
+    return [extinction(replace(weather.at(state.t), rain=0.0), GREEN) for state in where.states]
+
+
+def _light(where: Where) -> Any:
     weather = where.field.weather
-    return 0.0 if weather is None else extinction(replace(weather.at(where.state.t), rain=0.0), GREEN)
-
-
-def _light(where: Where) -> float:
-    weather = where.field.weather
-    light = None if weather is None else weather.light(where.state.t)
-    return nan if light is None else light.lux
+    lights = [] if weather is None else [weather.light(state.t) for state in where.states]
+    return [nan if light is None else light.lux for light in lights] or nan
 
 
 def _friction(where: Where) -> float:
@@ -145,9 +175,9 @@ def _friction(where: Where) -> float:
     return own if own == own else where.machine.sheet.dynamics.friction
 
 
-def _cone_index(where: Where) -> float:
+def _cone_index(where: Where) -> Any:
     soil = where.field.soil
-    return nan if soil is None else float(soil.at(*where.place)) / KPA
+    return nan if soil is None else soil.at(*np.array(where.places).T) / KPA
 
 
 def _roughness(where: Where) -> float:
@@ -162,20 +192,23 @@ MOVED = ("motion", "steer", "powertrain")
 # take 0.4 % of the light on 20 m and back, a step of 8 bits; 0.1 deg moves an ear by 2 mm, less than the
 # noise of a range; 10 lx make less than 1 % of the noise of a receiver's amplifier.
 QUANTITIES: Mapping[str, Quantity] = {
-    "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: 3.6 * w.state.speed,
+    "ground_speed_kmh": Quantity("km/h", "true forward speed", lambda w: [3.6 * s.speed for s in w.states],
                                  (*MOVED, "header", "process", "gnss", "unload", "radar"), (-1.0, 14.4)),
     "slope_across_percent": Quantity("%", "rise of the ground to the right of the machine, over 6 m",
-                                     lambda w: w.slopes[1], (*MOVED, "process"), (-12.0, 12.0)),
+                                     lambda w: [right for _, right in w.slopes],
+                                     (*MOVED, "process"), (-12.0, 12.0)),
     "slope_along_percent": Quantity("%", "rise of the ground ahead of the machine, over 6 m",
-                                    lambda w: w.slopes[0], (*MOVED, "process"), (-12.0, 12.0)),
+                                    lambda w: [ahead for ahead, _ in w.slopes],
+                                    (*MOVED, "process"), (-12.0, 12.0)),
     "stems_per_m2": Quantity("1/m2", "sown density of the stand beside the edge",
-                             lambda w: float(w.field.stand.density(*w.crop)), CROP, (200.0, 600.0)),
+                             lambda w: w.field.stand.density(*w.crop), CROP, (200.0, 600.0)),
     "crop_height_m": Quantity("m", "usual height of the upright stand beside the edge",
-                              lambda w: w.field.crop_height * float(w.field.stand.height_factor(*w.crop)),
+                              lambda w: w.field.crop_height * w.field.stand.height_factor(*w.crop),
                               CROP, (0.5, 1.6)),
     "lean_deg": Quantity("deg", "mean lean of the stand, the most beside the edge or where beams meet it",
                          _lean, CROP, (0.0, 20.0)),
-    "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left", lambda w: degrees(w.state.yaw_rate),
+    "yaw_rate_deg_s": Quantity("deg/s", "rate of turn, > 0 left",
+                               lambda w: [degrees(s.yaw_rate) for s in w.states],
                                (*MOVED, "gnss"), (-25.9, 25.9)),
     "wind_lean_deg": Quantity("deg", "the most that wind leans stems, on top of their own lean", _wind,
                               ("lidar", "camera", "radar", "edge", "unload"), (0.0, 0.0), 0.1),
@@ -193,7 +226,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "receiver_light_lx": Quantity("lx", "light on level ground, where receivers of scanners know it",
                                   lambda w: 0.0, ("lidar", "edge"), (0.0, 0.0), 10.0),
     "straw_moisture_percent": Quantity("%", "water in the straw of the stand",
-                                       lambda w: w.field.moisture.of_straw(w.state.t) / PERCENT,
+                                       lambda w: [w.field.moisture.of_straw(s.t) / PERCENT for s in w.states],
                                        CROP, (5.0, 18.0)),
     "other_crop": Quantity("1", "1 where the crop is not wheat, else 0",
                            lambda w: float(w.field.stand.crop != "wheat"), CROP, (0.0, 0.0)),
@@ -220,16 +253,9 @@ def check_quantities(names: Sequence[str]) -> None:
             raise InputError("met", name, expected)
 
 
-def where_is(machine: Machine, field: Field, state: MachineState) -> Where:
-    """Where a machine is; of one without a header the crop is at its fixed axle."""
-    x, y, _ = state.pose.point(0.0, 0.0, 0.0)
-    ahead_x, ahead_y, _ = state.pose.point(1.0, 0.0, 0.0)
-    beside = 0.0, 0.0
-    if machine.cuts:
-        knife, end = machine.sheet.header_end(machine.edge_side)
-        beside = knife, end - (BESIDE_M if machine.edge_side == "left" else -BESIDE_M)
-    crop_x, crop_y, _ = state.pose.point(*beside, 0.0)
-    return Where(machine, state, field, (x, y), atan2(ahead_y - y, ahead_x - x), (crop_x, crop_y))
+def told_by(machine: Machine, state: MachineState) -> Told:
+    """What its parts say that they meet, by slot."""
+    return {n: p.meets(state) for n, p in machine.parts.items() if isinstance(p, Meets)}
 
 
 class MetHook(RunHook):
@@ -258,8 +284,8 @@ class MetHook(RunHook):
                 self._rows.append(self._row(sample))
 
     def _row(self, state: MachineState) -> tuple[float, ...]:
-        where = where_is(self._machine, self._field, state)
-        values = [_rounded(where.value(name)) for name in self._names]
+        where = Where(self._machine, self._field, [state], [told_by(self._machine, state)])
+        values = [_rounded(where.values(name)[0]) for name in self._names]
         return (_rounded(state.t / 1e9), _rounded(state.distance), *values)
 
     def summarize(self, t: int) -> dict[str, Any]:

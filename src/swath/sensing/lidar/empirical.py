@@ -198,22 +198,38 @@ class TableLidar(InWorlds, ScanningLidar):
         compared = compared_stems(self.table, self.level)
         return found if compared is None else [compared, *found]
 
-    def meets(self, state: MachineState) -> Mapping[str, Any]:
-        """How some echoes of the newest scan met standing crop: depression against the ground, spot, and the
-        mean lean of the stand there; else as every scanner.
+    def note_met(self, state: MachineState) -> tuple[Any, ...]:
+        """Some echoes of the newest scan in standing crop: distances, directions, origins; and what it meets
+        as every scanner.
         """
         beams = self.rays.beams
-        in_crop = np.flatnonzero(IS_CROP[beams.kind[: beams.count]])
+        in_crop = IS_CROP[beams.kind[: beams.count]].nonzero()[0]
         in_crop = in_crop[:: 1 + len(in_crop) // LOOKED_AT]
-        distance, along = beams.distance[in_crop, None].astype(np.float64), beams.directions[in_crop]
-        x, y, _ = (beams.origins[in_crop] + distance * along).T
+        distance = beams.distance[in_crop].astype(np.float64)
+        return distance, beams.directions[in_crop], beams.origins[in_crop], ScanningLidar.meets(self, state)
+
+    def met(self, notes: Sequence[Any]) -> Sequence[Mapping[str, Any]]:
+        """How these met it: depression against the ground, spot, and the mean lean of the stand there; else
+        as every scanner.
+        """
+        distance, along, origins = (np.concatenate(own) for own in list(zip(*notes, strict=True))[:3])
+        x, y, _ = (origins + distance[:, None] * along).T
         ahead = np.hypot(along[:, 0], along[:, 1])
         x_step, y_step = along[:, :2].T / np.maximum(ahead, 1e-6)  # 1 m
         rise = self.rise((x, y), (x_step, y_step))
-        spot = self.beam["exit_diameter"] + self.beam["divergence"] * distance[:, 0]
+        spot = self.beam["exit_diameter"] + self.beam["divergence"] * distance
         down = np.degrees(portable.arctan2(rise * ahead - along[:, 2], ahead))
         lean = np.degrees(self.setup.field.stand.lean(x, y)[0])
-        return {**super().meets(state), "depression_deg": down, "spot_mm": 1e3 * spot, "lean_deg": lean}
+        found, begin = [], 0
+        for far, _, _, others in notes:
+            own = slice(begin, begin := begin + len(far))
+            seen = {"depression_deg": down[own], "spot_mm": 1e3 * spot[own], "lean_deg": lean[own]}
+            found.append({**others, **seen})
+        return found
+
+    def meets(self, state: MachineState) -> Mapping[str, Any]:
+        """The same of now."""
+        return self.met([self.note_met(state)])[0]
 
     def rise(self, places: tuple[F64, F64], steps: tuple[F64, F64]) -> F64:
         """How far the ground rises on steps around places [m]."""
