@@ -5,6 +5,7 @@ stood there before minus what stands there after. Masses therefore add up to the
 of overlapping cuts, and can be recounted from the codes.
 """
 
+from itertools import chain
 from math import fsum, isfinite
 from typing import Any
 
@@ -95,7 +96,7 @@ def corners_of(polygon: Any, key: str = "polygon") -> list[Corner]:
         corners: list[Corner] = [(float(x), float(y)) for x, y in rows]
     except (TypeError, ValueError) as error:
         raise InputError(key, polygon, "expected a list of [x, y]") from error
-    if len(corners) < 3 or not all(isfinite(x) and isfinite(y) for x, y in corners):
+    if len(corners) < 3 or not all(map(isfinite, chain.from_iterable(corners))):
         raise InputError(key, polygon, "expected at least three finite [x, y]")
     edge, (ax, ay) = [], corners[-1]
     for x, y in corners:
