@@ -89,17 +89,12 @@ class Where:
         """A quantity at each time: the most that parts in these slots, None = in any, say in a number, else
         the field's.
         """
-        found, said_by_field = [], None
-        for k, told in enumerate(self.told):
-            said = [
-                v for n in (told if slots is None else slots) if isinstance(v := told[n].get(name), float)
-            ]
-            if said:
-                found.append(max([v for v in said if v == v], default=nan))
-            else:
-                said_by_field = said_by_field or self.by_field(name)
-                found.append(said_by_field[k])
-        return found
+        among = self.told[0] if slots is None else slots
+        columns = [[told[n].get(name) for told in self.told] for n in among]
+        said: list[list[Any]] = [column for column in columns if isinstance(column[0], float)]
+        if len(said) < 2:
+            return said[0] if said else self.by_field(name)
+        return [max([v for v in of_all if v == v], default=nan) for of_all in zip(*said, strict=True)]
 
 
 @dataclass(frozen=True)
