@@ -109,7 +109,7 @@ class GridField:
 
     def why_outside(self, x, y):
         inside = (x > self.low[0]) & (x < self.low[0] + self.size[0])
-        return "" if inside.any() else "beyond its boundary"
+        return ["" if own.any() else "beyond its boundary" for own in inside]
 
     def ground_height(self, x, y):
         return np.zeros(np.broadcast(x, y).shape)

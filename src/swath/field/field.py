@@ -186,14 +186,20 @@ class Field:
             inside &= self.boundary.contains(x, y)
         return inside & self.terrain.covers(x, y) if isinstance(self.terrain, HasExtent) else inside
 
-    def why_outside(self, x: Any, y: Any) -> str:
-        """Why none of these world points [m] is in the field, empty where one is: `beyond its boundary`."""
-        if self.boundary is not None and not self.boundary.contains(x, y).any():
-            return "beyond its boundary"
-        for part, what in ((self.terrain, "terrain"), (self.stand, "stand")):
-            if isinstance(part, HasExtent) and not part.covers(x, y).any():
-                return f"beyond the map of its {what}"
-        return ""
+    def why_outside(self, x: Any, y: Any) -> list[str]:
+        """Why none of the world points [m] of each row, (n, m), is in the field, empty where one is: `beyond
+        its boundary`.
+        """
+        maps = [(part, what) for part, what in ((self.stand, "stand"), (self.terrain, "terrain"))
+                if isinstance(part, HasExtent)]  # fmt: skip
+        known = [(part.covers(x, y), f"beyond the map of its {what}") for part, what in maps]
+        if self.boundary is not None:
+            known.append((self.boundary.contains(x, y), "beyond its boundary"))
+        found = [""] * len(x)
+        for inside, why in known:
+            for row in np.flatnonzero(~inside.any(axis=1)).tolist():
+                found[row] = why
+        return found
 
     def ground_height(self, x: Any, y: Any) -> Array:
         """Height of the soil [m], bilinear on the lattice that rays hit, in the shape of x and y."""

@@ -9,13 +9,14 @@ from swath.core.blocks import Seen
 from swath.core.number_text import num
 from swath.core.registry import Level
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric
-from swath.judge.header_path import HeaderPath
-from swath.signals import F64, CropFlow, MachineState
+from swath.signals import CropFlow, MachineState
 
 GROUP = "Harvest"
 BESIDE_M = 2.0  # the field without a boundary ends this far on the cut side of the edge
 STEP_M = 0.5  # driven between two looks
 CHUNK = 16  # of them are judged together
+
+_Place = tuple[int, float, list[float]]  # time [ns], distance [m], pose
 
 
 class LeftField(Later):
@@ -38,11 +39,11 @@ class LeftField(Later):
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
-        self._end = HeaderPath(setup.machine).end
+        self._end = setup.machine.geometry.header_end(setup.machine.edge_side)
         (x, left), (_, right) = (setup.machine.geometry.header_end(side) for side in ("left", "right"))
-        self._knife = [(x, left, 0.0), (x, 0.5 * (left + right), 0.0), (x, right, 0.0)]
+        self._knife = np.array([(x, left), (x, 0.5 * (left + right)), (x, right)])
         self._looked_at, self._next = 0.0, 0.0
-        self._waiting: list[MachineState] = []
+        self._waiting: list[_Place] = []
         self._side, self._end_row = (1.0, 0) if setup.machine.edge_side == "left" else (-1.0, 2)
         self._has_header = self._was_inside = self._is_beyond = False
         self._open: int | None = None  # index of the event that lasts
@@ -56,7 +57,7 @@ class LeftField(Later):
             begin = 0 if self._has_header or flows is None else states.before(flows.orders[:1])[0] + 1
             for k, way in enumerate(states["distance"][begin:].tolist(), begin):
                 if way >= self._next:
-                    self._waiting.append(states.sample(k))
+                    self._waiting.append((states["t"][k].item(), way, states["pose"][k].tolist()))
                     self._next = way + STEP_M
                     if len(self._waiting) == CHUNK:
                         self._judge()
@@ -81,53 +82,46 @@ class LeftField(Later):
 
     def _judge(self) -> None:
         """Take in the places that wait."""
-        states, self._waiting = self._waiting, []
-        if not states:
+        places, self._waiting = self._waiting, []
+        if not places:
             return
-        knife = np.array([[state.pose.point(*p)[:2] for p in self._knife] for state in states])
-        along, left = self.setup.edge.project(knife[..., 0].ravel(), knife[..., 1].ravel())
-        rows = zip(states, knife, along.reshape(-1, 3), left.reshape(-1, 3), strict=True)
-        for state, places, far, aside in rows:
-            self._look(state, places, far, aside)
-            self._looked_at = state.distance
-
-    def _look(self, state: MachineState, knife: F64, along: F64, left: F64) -> None:
-        """knife: places (3, 2); along, left: where they are on the edge [m], (3,)."""
-        if self._open is not None:
-            self._way += state.distance - self._looked_at
-        x, y = knife.T
-        inside = float((-self._side * left).max())
-        why = self._why_outside(x, y, inside)
-        if not why:
-            self._was_inside = True
+        pose = np.array([numbers for *_, numbers in places])[..., None]
+        x = pose[:, 3] * self._knife[:, 0] + pose[:, 4] * self._knife[:, 1] + pose[:, 0]  # (n, 3)
+        y = pose[:, 6] * self._knife[:, 0] + pose[:, 7] * self._knife[:, 1] + pose[:, 1]
+        setup = self.setup
+        along, left = setup.edge.project(x.ravel(), y.ravel())
+        inside = (-self._side * left).reshape(x.shape).max(axis=1).tolist()
+        beyond = along.reshape(x.shape)[:, self._end_row] > setup.edge.length
+        beside = f"more than {num(BESIDE_M)} m beside its edge"
+        is_bounded = setup.field.boundary is not None
+        for place, why, within, is_beyond in zip(
+            places, setup.field.why_outside(x, y), inside, beyond.tolist(), strict=True
+        ):
+            why = why or ("" if is_bounded or within >= -BESIDE_M else beside)
+            _, distance, _ = place
             if self._open is not None:
-                self._end_event(self._open, state)
-        elif self._was_inside and self._open is None:
-            self._open = len(self._events)
-            self._note(state, "left_the_field", f"left the field, {why}", end_t=None)
-        is_beyond = bool(along[self._end_row] > self.setup.edge.length)
-        if is_beyond and not self._is_beyond and self._was_inside:
-            self._note(state, "edge_end", "passed the end of its edge", end_t=state.t)
-        self._is_beyond = is_beyond
+                self._way += distance - self._looked_at
+            if not why:
+                self._was_inside = True
+                if self._open is not None:
+                    self._end_event(self._open, place)
+            elif self._was_inside and self._open is None:
+                self._open = len(self._events)
+                self._note(place, "left_the_field", f"left the field, {why}", is_over=False)
+            if is_beyond and not self._is_beyond and self._was_inside:
+                self._note(place, "edge_end", "passed the end of its edge", is_over=True)
+            self._is_beyond, self._looked_at = is_beyond, distance
 
-    def _why_outside(self, x: F64, y: F64, inside: float) -> str:
-        """Why no part of the knife is in the field, "" where one is. inside: of its innermost part [m]."""
-        field = self.setup.field
-        if why := field.why_outside(x, y):
-            return why
-        if field.boundary is None and inside < -BESIDE_M:
-            return f"more than {num(BESIDE_M)} m beside its edge"
-        return ""
+    def _note(self, place: "_Place", kind: str, text: str, *, is_over: bool) -> None:
+        (t, distance, p), (ahead, aside) = place, self._end
+        x, y = p[3] * ahead + p[4] * aside + p[0], p[6] * ahead + p[7] * aside + p[1]
+        end = t if is_over else None
+        self._events.append(Event(t, kind, self.setup.name, x, y, distance, text, end_t=end))
 
-    def _note(self, state: MachineState, kind: str, text: str, *, end_t: int | None) -> None:
-        x, y, _ = (float(v) for v in state.pose.apply(self._end))
-        name = self.setup.name
-        self._events.append(Event(state.t, kind, name, x, y, state.distance, text, end_t=end_t))
-
-    def _end_event(self, index: int, state: MachineState) -> None:
-        event = self._events[index]
-        text = f"{event.text}, for {num(state.distance - event.distance, places=1)} m"
-        self._events[index] = replace(event, text=text, end_t=state.t, end_distance=state.distance)
+    def _end_event(self, index: int, place: "_Place") -> None:
+        event, (t, distance, _) = self._events[index], place
+        text = f"{event.text}, for {num(distance - event.distance, places=1)} m"
+        self._events[index] = replace(event, text=text, end_t=t, end_distance=distance)
         self._open = None
 
 
