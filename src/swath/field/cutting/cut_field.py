@@ -12,7 +12,9 @@ from swath.field.cutting.cut_result import Corner, Cut, StemIndex
 from swath.field.cutting.land import ALL_ROWS, LACKED, PAGES_MAX, LandMemory, Task
 from swath.kernels import filled, over_rows
 
-STEM = np.dtype([(n, float) for n in ("rank", "height", "ear", "grain", "straw", "crop")])  # as in the kernel
+STEM = np.dtype(
+    [("rank", "f4"), ("height", "f4"), *((n, "f8") for n in ("ear", "grain", "straw"))]
+)  # of the kernel
 
 
 class Cutter(Task):
@@ -31,12 +33,14 @@ class Cutter(Task):
 
         stems, library = self._index, self._index.library
         heights, kg = (library.stem_height, stems.ear_height), (library.grain_kg, library.straw_kg)
-        columns = library.stem_rank, *heights, *kg, stems.is_crop
+        columns = library.stem_rank, *heights, *kg
         rows: NDArray[Any] = np.zeros(len(library.stem_rank), STEM)
         for name, column in zip(STEM.names or (), columns, strict=True):
             rows[name] = column
-        first, at = stems.by_cell()
-        return filled(Roots, first=first, at=at, stems=rows, straw_exponent=stems.straw_exponent)
+        taken, first, at = stems.by_line()
+        at[:, 0] = np.where(stems.is_crop[at[:, 0]], at[:, 0], -1 - at[:, 0])
+        about = {"taken": taken, "first": first, "at": at, "straw_exponent": stems.straw_exponent}
+        return filled(Roots, stems=rows, **about)
 
     def cut(self, corners: list[Corner], code: int) -> Cut:
         """Bring every cell of a convex polygon that is higher down to the height of a code.

@@ -29,7 +29,12 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
   const int begin = (int)__builtin_ceil(lowest - 0.5), end = (int)__builtin_floor(highest - 0.5);
   const int first_row = begin > its.rows.data[w][0] ? begin : its.rows.data[w][0], last_row = end < its.rows.data[w][1] ? end : its.rows.data[w][1];
 
-  auto find_spans = [&](Spans& spans, int first, int last) {  // of rows of one row of tiles, four at a time
+  constexpr int KEPT = 16;  // rows of tiles whose spans are found once
+  Spans kept[KEPT], others;
+  auto find_spans = [&](int first, int last, bool is_again = false) -> const Spans& {  // of rows of one row of tiles, four at a time
+    const int number = (first >> 6) - (first_row >> 6);
+    Spans& spans = number < KEPT ? kept[number] : others;
+    if (is_again && number < KEPT) return spans;
     for (int row = first; row <= last; row += 4) {
       const D y = D{0.0, 1.0, 2.0, 3.0} + (double)row + 0.5;
       D low = D{} - 1.0e300, high = D{} + 1.0e300;
@@ -45,6 +50,7 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
         spans.of[row + k - first] = is_open ? Span{0, 0} : Span{(int)begin[k], (int)end[k]};
       }
     }
+    return spans;
   };
   auto last_of_tiles = [&](int row) -> int { const int last = (row & ~(CELLS - 1)) + CELLS - 1; return last < last_row ? last : last_row; };
   auto number_of = [&](int count, int i, int j) -> int {  // of page (i, j) in the list of those of this cut, -1: not there
@@ -53,12 +59,11 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
   };
 
   // ---- The pages of the cut, sorted by j and i: are all of them ready?
-  Spans spans;
   int count = 0;
   bool is_ready = true;
   for (int row = first_row; row <= last_row; row = last_of_tiles(row) + 1) {
     const int last = last_of_tiles(row), j = row >> 9;
-    find_spans(spans, row, last);
+    const Spans& spans = find_spans(row, last);
     int low = 0, high = -1;  // cells of the pages looked at last
     for (int r = row; r <= last; ++r) {
       const Span span = spans.of[r - row];
@@ -105,7 +110,7 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
     const int i = tile_x >> 3, j = tile_y >> 3, number = (tile_y & 7) * 8 + (tile_x & 7), slot = slot_at(land, i, j), line = land.cut_slot.data[slot];
     const auto& stand = land.tile_stand.data[64 * slot + number];
     const int prototype = land.tile_prototype.data[64 * slot + number];
-    const int variant = ((prototype & 65535) * 4 + (prototype >> 16 & 3)) * (CELLS * CELLS);  // first cell of the prototype, mirrored as it is
+    const int variant = ((prototype & 65535) * 4 + (prototype >> 16 & 3)) * CELLS;  // first line of the prototype, mirrored as it is
     const double scale = stand[0], lean_x = stand[1], lean_y = stand[2];
     unsigned char* codes = line < 0 ? nullptr : land.cut.data + (long long)line * PAGE * PAGE;
     return {tile_x, number, number_of(count, i, j), variant, codes, -1 - line, stand[3], scale, __builtin_sqrt(scale * scale + lean_x * lean_x + lean_y * lean_y)};
@@ -114,7 +119,7 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
   int newly = 0, crop = 0, changed = 0;
   for (int row = first_row; row <= last_row; row = last_of_tiles(row) + 1) {
     const int last = last_of_tiles(row);
-    find_spans(spans, row, last);
+    const Spans& spans = find_spans(row, last, true);
     Tile tile;
     bool is_known = false;
     for (int r = row; r <= last; ++r) {
@@ -124,19 +129,20 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
         if (!is_known || tile_x != tile.x) tile = look(tile_x, r >> 6), is_known = true;
         if (tile.codes) {
           unsigned char* codes = tile.codes + (r & 511) * PAGE + (tile_x & 7) * CELLS;  // of this row of the tile
-          const int cell = tile.variant + (r & 63) * CELLS + (c & 63);
-          for (int s = roots.first.data[cell]; code != STANDING && s < roots.first.data[cell + after - c]; ++s) {
+          const int line = tile.variant + (r & 63), low = c & 63, high = low + after - c;
+          const bool has_some = code != STANDING && roots.taken.data[line] >> low << (CELLS - (high - low)) != 0;
+          for (int s = roots.first.data[line], end = roots.first.data[line + 1]; has_some && s < end; ++s) {
             const auto& at = roots.at.data[s];
-            const int old = codes[at[1]];
-            if (old <= code) continue;
-            const auto& stem = roots.stems.data[at[0]];
+            const int column = at[1], old = codes[column];
+            if (column < low || column >= high || old <= code) continue;
+            const auto& stem = roots.stems.data[at[0] < 0 ? -1 - at[0] : at[0]];
             if (stem.rank >= tile.rank) continue;
             add(taken, stem, tile.scale, tile.length, code);
-            if (old == STANDING) crop += (int)stem.crop; else add(again, stem, tile.scale, tile.length, old);
+            if (old == STANDING) crop += at[0] >= 0; else add(again, stem, tile.scale, tile.length, old);
           }
           int lowered = 0;
 #pragma clang loop vectorize(disable) unroll(disable)  // few cells
-          for (int k = c & 63; k < (c & 63) + after - c; ++k) {
+          for (int k = low; k < high; ++k) {
             const int old = codes[k];
             newly += old == STANDING && tile.rank > 0.0;
             if (old <= code) continue;

@@ -63,9 +63,9 @@ class StemIndex:
         self.ear_height = library.ear_height
         self.is_crop = ~library.is_weed
 
-    def by_cell(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """For each cell its first row, and where the last one ends; rows, cell by cell: stem, column in the
-        tile.
+    def by_line(self) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.int32]]:
+        """For each line of cells of each prototype, as it is and mirrored: a bit for each cell with a stem;
+        its first row, and where the last one ends. Rows, cell by cell: stem, column in the tile.
         """
         library = self.library
         stem_tile = np.repeat(np.arange(library.tile_count), np.diff(library.stem_start))
@@ -78,9 +78,12 @@ class StemIndex:
             stems.append(np.arange(len(x)))
         cell, stem = np.concatenate(cells), np.concatenate(stems)
         order = np.argsort(cell, kind="stable")
-        first = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=library.tile_count * 4 * CELLS))])
-        at = np.stack([stem[order], cell[order] % TILE_CELLS], axis=1)
-        return first.astype(np.int32), at.astype(np.int32)
+        lines, column = library.tile_count * 4 * TILE_CELLS, cell % TILE_CELLS
+        taken = np.zeros(lines, np.uint64)
+        np.bitwise_or.at(taken, cell // TILE_CELLS, np.uint64(1) << column.astype(np.uint64))
+        first = np.concatenate([[0], np.cumsum(np.bincount(cell // TILE_CELLS, minlength=lines))])
+        at = np.stack([stem[order], column[order]], axis=1)
+        return taken, first.astype(np.int32), at.astype(np.int32)
 
 
 def cell_in_tile(x: Array, tile_size: float, is_mirrored: Any) -> Ints:

@@ -41,24 +41,25 @@ class Land:
 
 @wp.struct
 class Stem:
-    """As in `cutting.StemIndex`, in one place, since each is looked up alone; crop: 1, 0 of a weed."""
+    """As in `cutting.StemIndex`, in one place, since each is looked up alone."""
 
-    rank: wp.float64
-    height: wp.float64
+    rank: float
+    height: float
     ear: wp.float64
     grain: wp.float64
     straw: wp.float64
-    crop: wp.float64
 
 
 @wp.struct
 class Roots:
-    """Stems by the cell they stand on, as in `cutting.StemIndex`; those of cell k begin at first[k] and end
-    before first[k + 1]. at: number of the stem, column of the cell in its tile.
+    """Stems by the line of cells they stand on, as in `cutting.StemIndex`; those of line k begin at first[k]
+    and end before first[k + 1]. taken: a bit for each of its cells with a stem
+    at: number n of the stem, of a weed -1 - n; column of its cell in the tile
 
     straw_exponent: of what of the straw lies above a cut
     """
 
+    taken: wp.array(dtype=wp.uint64)
     first: wp.array(dtype=int)
     at: wp.array(dtype=wp.vec2i)
     stems: wp.array(dtype=Stem)
