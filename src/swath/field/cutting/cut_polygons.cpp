@@ -5,6 +5,7 @@
 
 struct Span { int first, after; };  // cells of a row whose middles lie in the polygon
 struct Spans { Span of[CELLS]; };   // of the rows of a row of tiles
+constexpr int AHEAD = 8;  // lines of cells, whose codes are asked of memory so early
 struct Edge { double x, y, slope, dy; };  // from a corner to the next one, in cells of the stand frame; dx/dy
 typedef double D __attribute__((vector_size(32)));
 typedef long long L __attribute__((vector_size(32)));
@@ -130,6 +131,7 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
         if (tile.codes) {
           unsigned char* codes = tile.codes + (r & 511) * PAGE + (tile_x & 7) * CELLS;  // of this row of the tile
           const int line = tile.variant + (r & 63), low = c & 63, high = low + after - c;
+          __builtin_prefetch(codes + low + AHEAD * PAGE);
           const bool has_some = code != STANDING && roots.taken.data[line] >> low << (CELLS - (high - low)) != 0;
           for (int s = roots.first.data[line], end = roots.first.data[line + 1]; has_some && s < end; ++s) {
             const auto& at = roots.at.data[s];

@@ -53,9 +53,10 @@ class Stem:
 @wp.struct
 class Roots:
     """Stems by the line of cells they stand on, as in `cutting.StemIndex`; those of line k begin at first[k]
-    and end before first[k + 1]. taken: a bit for each of its cells with a stem
-    at: number n of the stem, of a weed -1 - n; column of its cell in the tile
+    and end before first[k + 1].
 
+    taken: of each line a bit for each of its cells with a stem
+    at: number n of the stem, of a weed -1 - n; column of its cell in the tile
     straw_exponent: of what of the straw lies above a cut
     """
 
