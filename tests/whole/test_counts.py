@@ -20,8 +20,8 @@ from benchmarks.counts import (
     in_a_process,
 )
 
-PROFILE = [f"--set=combine.{one}" for one in
-           ("lidar.level=profile", "header.level=profile", "motion.level=kinematic", "edge=otsu")]  # fmt: skip
+LEVELS = {"lidar": "profile", "header": "profile", "motion": "kinematic", "edge": "otsu"}
+PROFILE = [f"--set=combine.{slot}.level={level}" for slot, level in LEVELS.items()]
 BOUNDS = [  # arguments of benchmarks.counts -> what a simulated second takes, of all worlds
     ([], {BYTECODES: 114_200, CALLS: 2_815, WALKS: 7, STEPS: 0, SUPPLIES: 4}),
     (["--worlds=4"], {BYTECODES: 109_000, CALLS: 2_175, WALKS: 6, STEPS: 0, SUPPLIES: 6}),
