@@ -20,6 +20,9 @@ from swath.core.rows import address as address
 # Kernels are compiled for this processor, or for the one that SWATH_CPU names as Clang does (`haswell` has
 # AVX2 and no AVX-512): the results are the same.
 BUILT_FOR = f"-target-cpu {os.environ['SWATH_CPU']}" if "SWATH_CPU" in os.environ else "-march=native"
+# Of all kernels: Warp's headers are compiled anew for each other set of flags. Warp asks LLVM to inline nine
+# times as much, which takes longer to compile and is no faster here.
+FLAGS = f"{BUILT_FOR} -mllvm=-inline-threshold=1000"
 
 
 _loading = threading.RLock()  # held by the thread that starts Warp, or loads kernels
@@ -55,8 +58,7 @@ def _started() -> Any:
         wp.config.log_level = wp.LOG_ERROR
     else:
         wp.config.quiet = True
-    if "SWATH_CPU" in os.environ:
-        wp.config.cpu_compiler_flags = BUILT_FOR
+    wp.config.cpu_compiler_flags = FLAGS
     if "WARP_CACHE_PATH" not in os.environ and not _is_usable(_user_cache() / "warp"):
         wp.config.kernel_cache_dir = str(_own_temporary())
     with _quiet_stderr():  # without a GPU driver the native part says so there

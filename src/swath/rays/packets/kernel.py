@@ -7,13 +7,10 @@ from pathlib import Path
 
 import warp as wp
 
-from swath.kernels import BUILT_FOR
 from swath.rays.kernel.scene import Scene
 
-# Warp asks LLVM to inline nine times as much, which takes longer to compile and is no faster here.
 # Multiply-adds are fused only where the source says so: else a result could depend on what was inlined.
-OPTIONS = {"cpu_compiler_flags": f"{BUILT_FOR} -mllvm=-inline-threshold=1000", "fuse_fp": False}
-wp.set_module_options(OPTIONS)
+wp.set_module_options({"fuse_fp": False})
 _PARTS = ("vectors", "rays", "tiles", "crop", "traversal")  # each built on those before it
 _TRAVERSAL = "\n".join(
     (Path(__file__).parent / "native" / f"{part}.cpp").read_text(encoding="utf-8") for part in _PARTS
