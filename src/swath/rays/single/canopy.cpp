@@ -174,7 +174,8 @@ auto step = [&](I who, auto& code_at, F longer) -> Stepped {  // one step of bea
     cut = pick(first, pick(stands, F{}, stubble), cut);
     spot = pick(first, most(canopy.exit + canopy.divergence * (middle + deeper), put(1.0e-4f)), spot);
   }
-  const F upmost = pick(stands, F{}, area_above(reach * per_height / scale));  // nothing of stubble adds up above its reach
+  F upmost = {};  // nothing of stubble adds up above its reach
+  if (any(acts & ~stands)) upmost = pick(stands, upmost, area_above(reach * per_height / scale));
   const F from = most(above, upmost), to = most(below, upmost);
   F gain = unit * (to - from);
   const I flat = acts & (I)(size_of(r1 * dt) <= FLAT);
