@@ -10,7 +10,7 @@ the last one first. Who drives or stands elsewhere in a yard is not looked at he
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import chain, islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -89,7 +89,10 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
     for more in PARAMS.poses:
         left = list(machines)
         while True:
-            places = _filled(ground, finder, left, int(more * WAYS.poses))
+            for is_deep in (False, True):
+                places = _filled(ground, finder, left, int(more * WAYS.poses), is_deep)
+                if all(m.name in places for m in left):
+                    break
             placed = [m for m in carts if m.name in places]
             if bool(placed) == bool(carts) and all(m.name in places or m in carts for m in machines):
                 return places
@@ -100,10 +103,13 @@ def waiting_places(ground: Ground, finder: Finder, machines: Sequence[Waits]) ->
     raise InputError("field.around_m", None, expected)
 
 
-def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits], most: int) -> dict[str, Home]:
+def _filled(
+    ground: Ground, finder: Finder, machines: Sequence[Waits], most: int, is_deep: bool
+) -> dict[str, Home]:
     """Places of machines, one after the other, without those for which there is no room.
 
-    most: poses of a search
+    most: poses of a search; is_deep: who stands in the strip around the field leaves room for combines that
+    are placed later between it and the gate, since they do not get past it
     """
     shapely = shapely_here()
     used = [
@@ -115,12 +121,17 @@ def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits], most: int
     taken: list[Any] = []
     full: set[Body] = set()  # for whom there is no room any more
     places: dict[str, Home] = {}
+    later = [m.body for m in machines if not m.body.has_trailer]
     for m in sorted(machines, key=lambda m: (not m.body.has_trailer, -m.body.length_behind)):
+        if not m.body.has_trailer:
+            later.remove(m.body)
+        room = math.fsum(b.length_behind + max(r.front for r in b.own) + PARAMS.clear_m for b in later)
         found, offs = None, (ground.around, ground.field) if m.body not in full else ()
         for off in offs:  # in yards, or in the strip around the field, too
             bare = shapely.difference(ground.open, shapely.union_all([off, *used]))
             shapely.prepare(bare)
-            for place in _places(ground, bare, m.body):
+            deep = room if is_deep and off is ground.field and not m.body.has_trailer else 0.0
+            for place in _places(ground, bare, m.body, deep):
                 found = _ways(ground, finder, m, place, taken, most)
                 if found is not None:
                     break
@@ -137,9 +148,9 @@ def _filled(ground: Ground, finder: Finder, machines: Sequence[Waits], most: int
     return places
 
 
-def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
+def _places(ground: Ground, bare: Any, body: Body, deep: float) -> Iterator[Place]:
     """Places along the outer edge of open ground, the nearest to the gate first, where a body has room;
-    not too many.
+    not too many. deep: least distance behind the nearest [m].
     """
     shapely = shapely_here()
     spots: list[tuple[float, Place]] = []
@@ -159,7 +170,9 @@ def _places(ground: Ground, bare: Any, body: Body) -> Iterator[Place]:
             far = round(math.dist((x, y), ground.gate), 3)
             turns = (math.atan2(v, u), math.atan2(-v, -u))
             spots += [(far, Place(x, y, heading, heading)) for heading in turns]
-    near = (place for _, place in sorted(spots) if fits(bare, body, place))
+    there = ((far, place) for far, place in sorted(spots) if fits(bare, body, place))
+    first = next(there, (0.0, None))
+    near = (place for far, place in chain([first], there) if place and far >= first[0] + deep)
     yield from islice(near, PARAMS.tries)
     yield from islice(near, 0, PARAMS.tries * PARAMS.apart, PARAMS.apart)
 
