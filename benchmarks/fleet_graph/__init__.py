@@ -10,8 +10,7 @@ compares plans, some with machines parked; `as_schedule` has exact bodies along 
 `swath.fleet` itself checks order, hours (`by_events`) and bodies (`driven`).
 
 Turns lead from each end of a pass to the ten nearest passes and five lanes for which there is room, about
-corners in a loop outside of the field or back in a bend, before a pond back along the pass. Rounds are driven
-through bends that point into the field (`plan_of(..., through=True)`).
+corners in a loop outside of the field or back in a bend, before a pond back along the pass.
 
 To replace that planner it lacks
 

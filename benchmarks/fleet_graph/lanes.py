@@ -106,7 +106,7 @@ class Lanes:
         self.job = job
         self.machines = machines or machines_of(job)
         self.ground = Ground(job, body_of(self.machines.truck))
-        self.plan = plan_of(self.ground, self.machines.combines, job.plan, job.drawn, through=True)
+        self.plan = plan_of(self.ground, self.machines.combines, job.plan, job.drawn)
         self.groups: list[Group] = []
         keys: list[Any] = []
         self.group_of: dict[str, int] = {}

@@ -13,7 +13,7 @@ from swath.fleet.files import CombineSettings, FieldSettings, JobFile, PlanSetti
 from swath.fleet.ground import Ground, shapely_here
 from swath.fleet.machines import PARAMS as GAPS
 from swath.fleet.machines import body_of, machines_of
-from swath.fleet.plan import HEADLAND, LAND, Pass, Plan, plan_of, strip_of, track_along
+from swath.fleet.plan import HEADLAND, LAND, PARAMS, Pass, Plan, plan_of, strip_of, track_along
 from tests.fleet.drawn import drawn_job
 
 SQUARE = [(0.0, 0.0), (150.0, 0.0), (150.0, 100.0), (0.0, 100.0)]
@@ -56,7 +56,7 @@ def test_passes_cut_the_field_and_keep_off_holes(what, rounds):
     ground, plan = planned(job(widths=(7.5, 9.0), rounds=rounds, **what))
     strips = shapely_here().union_all([strip_of(p) for p in plan.passes])
     left = ground.field.difference(strips).area
-    assert left == pytest.approx(plan.left, abs=1e-6)
+    assert left == pytest.approx(plan.left, abs=PARAMS.least_m2)  # bends swing out of their strips
     assert left < 0.005 * ground.field.area
     assert strips.intersection(ground.holes).area < 1e-6
     assert ground.field.area == pytest.approx(area_of(what), rel=1e-6)

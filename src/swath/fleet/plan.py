@@ -137,15 +137,13 @@ def plan_of(
     combines: Sequence[Combine],
     settings: PlanSettings,
     drawn: Sequence[Any] = (),
-    through: bool = False,
 ) -> Plan:
-    """The plan of a field. drawn: lines of its file; through: rounds are driven through bends about corners
-    of the outline that point into the field, what they leave there is cut by the passes after them.
+    """The plan of a field. drawn: lines of its file.
 
     InputError where a hundredth of it cannot be cut, but for passes of others.
     """
     widths = [c.width - settings.overlap_m for c in combines]
-    made = _Planner(ground, combines, widths, settings, through)
+    made = _Planner(ground, combines, widths, settings)
     lines, notes = _lines_of_others(ground, min(c.width for c in combines), settings, drawn)
     if lines:
         made.along(lines)
@@ -206,9 +204,7 @@ class _Planner:
         combines: Sequence[Combine],
         widths: list[float],
         settings: PlanSettings,
-        through: bool,
     ) -> None:
-        self.through = through
         self.ground, self.combines, self.widths, self.settings = ground, combines, widths, settings
         self.narrowest = min(combines, key=lambda c: c.width)
         self.rest: Any = ground.field
@@ -242,7 +238,11 @@ class _Planner:
                 self._round(part, width, ring, k)
 
     def _round(self, middle: Any, width: float, ring: Any, number: int) -> None:
-        """Passes along the outline of a part, clockwise: from corner to corner, or all round."""
+        """Passes along the outline of a part, clockwise: from corner to corner, or all round.
+
+        A corner that points into the field is driven through, since behind it no machine could stand to begin
+        a pass: crop is all around. What is left there is cut by the passes after it.
+        """
         tightest = max(c.drive.radius for c in self.combines)
         wanted = PARAMS.round * tightest
         points = _outline(middle)
@@ -250,9 +250,8 @@ class _Planner:
         length = np.hypot(*sides.T)
         half = np.maximum(0.5 * length, 0.5 * WAYS.ramp_m)  # over which a bend grows and fades
         radius, turn = _bends(np.roll(sides, 1, axis=0), sides, np.roll(half, 1), half, wanted)
-        missed = _missed(radius, turn, width) > PARAMS.least_m2
-        if self.through:
-            missed &= _cross(np.roll(sides, 1, axis=0), sides) < 0.0
+        points_out = _cross(np.roll(sides, 1, axis=0), sides) < 0.0
+        missed = points_out & (_missed(radius, turn, width) > PARAMS.least_m2)
         corners = np.flatnonzero(missed | (radius < tightest)).tolist()
         most = float(length.sum()) / len(self.combines)
         for i, j in pairwise([*corners, corners[0] + len(points)] if corners else []):
