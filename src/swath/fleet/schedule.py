@@ -644,7 +644,19 @@ class Scheduler:
         cut = replace(cut, spent=np.maximum(cut.spent, length / np.array(speed)))
         leg = _Leg(cut, task, planned, marks, masses, density, strips, 0)
         leg.lost = self.lost(c, leg) + (task.length - planned.length) / c.spec.speed
-        return leg if math.isfinite(leg.lost) else None
+        is_closed = self.patience == 1 and bool(self.shared) and self.is_dead_end(c.spec, task)
+        return leg if math.isfinite(leg.lost) and not is_closed else None
+
+    def is_dead_end(self, c: Combine, task: Pass) -> bool:
+        """Whether a pass ends before crop of the headland that nobody has been given, so that no way leads
+        on from there.
+        """
+        if task.kind == HEADLAND:
+            return False
+        (u, v), end = task.line[-2], task.end
+        ahead = Place(*end, math.atan2(end[1] - v, end[0] - u), 0.0).ahead(c.width)[:2]
+        strip = strip_of(Pass(end, ahead, c.width, task.kind))
+        return bool(self.ground.crop_on((c.name, "behind", task), np.array([strip]))[0] > PLAN.least_m2)
 
     def run_along(self, c: Combine, task: Pass) -> _Run:
         """A pass as a combine drives it, as fast as its bends are driven."""

@@ -1,0 +1,42 @@
+"""Ordinary fields of a few hectares: notches with two inner corners, many machines, one alone."""
+
+import pytest
+from benchmarks.fleet_baseline import baseline_hours
+
+from swath.fleet.files import CartSettings, CombineSettings, FieldSettings, JobFile, TruckSettings
+from swath.fleet.schedule import Scheduler
+from swath.fleet.worked import by_events
+
+
+def notched(x, y, at, wide, deep, skew=0.0):
+    """Points of a rectangle [m] with a notch in its south side, narrower inside on both sides by a skew."""
+    a, b = at - 0.5 * wide, at + 0.5 * wide
+    return [(0, 0), (a, 0), (a + skew, deep), (b - skew, deep), (b, 0), (x, 0), (x, y), (0, y)]
+
+
+def made(ring, combines, carts, truck):
+    job = JobFile(
+        format="swath fleet 1", field=FieldSettings(ring, yield_t_ha=8.0),
+        combines={f"c{i}": CombineSettings(header_width_m=9.0) for i in range(combines)},
+        carts={f"k{i}": CartSettings() for i in range(carts)}, truck=TruckSettings(*truck),
+    )  # fmt: skip
+    return job, Scheduler(job, None)
+
+
+JOBS = {
+    "notch, 1 + 1": (notched(170, 120, 80, 70, 45), 1, 1, (-30.0, 60.0)),
+    "skew notch, 2 + 1": (notched(190, 120, 110, 80, 40, 12.0), 2, 1, (90.0, 150.0)),
+    "rectangle, 3 + 3": ([(0, 0), (160, 0), (160, 110), (0, 110)], 3, 3, (80.0, -25.0)),
+    "rectangle, 1 alone": ([(0, 0), (150, 0), (140, 80), (0, 90)], 1, 0, (-30.0, 40.0)),
+}
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_ordinary_fields_end_with_all_machines_and_near_simple_rules(name):
+    job, scheduler = made(*JOBS[name])
+    assert [k.name for k in scheduler.machines.carts] == list(job.carts)  # none is left out
+    scheduler.run()
+    worked = by_events(scheduler.schedule)
+    assert worked.mass_error < 1e-9
+    assert scheduler.ground.remaining.area < 0.005 * scheduler.ground.field.area
+    assert worked.ends / 3600.0 < 1.15 * baseline_hours(job)
