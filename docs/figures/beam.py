@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.patches import Circle
 
 from swath.core.random import Stream
+from swath.rays.hits import Spots
 from swath.report import plots
-from swath.sensing.beam import spot_pattern, spots
+from swath.sensing.beam import offsets_of, spot_pattern
 from swath.sensing.echo import Bundle, Receiver, Weather, disturb, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
 
@@ -64,7 +65,8 @@ def draw_edge(ax: Any, *, far: float) -> None:
         axis=2,
     )
     pattern = spot_pattern(61, sheet.beam.profile)
-    start, aim = spots(np.zeros((len(azimuth), 3)), axes, sheet.beam, pattern.position[None]).rays()
+    offsets = offsets_of(sheet.beam, pattern.position[None])
+    start, aim = Spots(np.zeros((len(azimuth), 3)), axes, offsets).rays()
     to_near, to_far = ((wall - start[..., 0]) / aim[..., 0] for wall in (near, far))
     distance = np.where(start[..., 1] + to_near * aim[..., 1] > 0.0, to_near, to_far)
     bundle = Bundle(distance, pattern.weight, np.full_like(distance, 0.5))

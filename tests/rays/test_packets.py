@@ -13,7 +13,8 @@ from swath.field.prototypes import make_library
 from swath.field.stand import uniform
 from swath.field.wind import Wind
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import Beam, spot_pattern, spots, turned_pattern
+from swath.rays.hits import Spots
+from swath.sensing.beam import Beam, offsets_of, spot_pattern, turned_pattern
 from tests.field.made_field import made_field
 from tests.rays.bundle_rays import bundles, check_same
 from tests.rays.hand_field import HandField, make_pages, set_bumps, small_library
@@ -233,14 +234,14 @@ def test_spots_hit_what_their_rays_hit(hills, spot):
         axes = np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
         origins = over(hills, 2.0, 4.0, 2.5) + np.linspace(0, 0.3, n)[:, None] * [0.8, 0.6, 0.0]
         beam = Beam((0.014, 0.01), (angle, 0.5 * angle), "uniform")
-        beams = spots(origins, axes, beam, pattern)
-        rays, caster = spots(origins, axes, beam, pattern).rays(), RayCaster(hills, threads=1)
+        beams = Spots(origins, axes, offsets_of(beam, pattern))
+        rays, caster = beams.rays(), RayCaster(hills, threads=1)
         expected = caster.cast_bundles(rays, range_max=20.0)
         assert expected.is_hit.mean() > 0.3
         for name, found in vars(caster.cast_bundles(beams, range_max=20.0)).items():
             np.testing.assert_array_equal(found, getattr(expected, name))
     with pytest.raises(InputError, match="below"):
-        caster.cast_bundles(spots(origins - [0, 0, 5.0], axes, beam, pattern), range_max=20.0)
+        caster.cast_bundles(Spots(origins - [0, 0, 5.0], axes, beams.offsets), range_max=20.0)
 
 
 def test_threads_order_and_company_change_no_bit(hills):

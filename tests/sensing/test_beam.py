@@ -7,13 +7,14 @@ from hypothesis import strategies as st
 
 from swath.core.errors import InputError
 from swath.documents.data_sheets import find_sheet, read_sheet, sheet_names
+from swath.rays.hits import Spots
 from swath.sensing.beam import (
     FWHM_TO_E2,
     Beam,
     full_angle,
+    offsets_of,
     random_pattern,
     spot_pattern,
-    spots,
     turned_pattern,
 )
 from swath.sensing.lidar_sheet import load_lidar
@@ -117,7 +118,7 @@ def test_spot_grows_from_the_exit_with_the_full_divergence():
     assert beam.diameter(10.0)[0] == pytest.approx(0.060)  # data sheet arithmetic: 13 mm + 47 mm
     ring = np.stack([np.cos(np.linspace(0, 6, 9)), np.sin(np.linspace(0, 6, 9))], axis=1)
     axes = np.eye(3)[None]
-    start, direction = spots(np.zeros((1, 3)), axes, beam, ring[None]).rays()
+    start, direction = Spots(np.zeros((1, 3)), axes, offsets_of(beam, ring[None])).rays()
     at_10 = start + direction * (10.0 / direction[..., :1])
     assert np.allclose(np.linalg.norm(at_10[0, :, 1:], axis=1), 0.030, atol=1e-6)
 

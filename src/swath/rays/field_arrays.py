@@ -9,7 +9,7 @@ from swath.field.edges.profile import refused
 from swath.field.field import Field
 from swath.field.memory_layout import Pages, PlantLibrary, Shape, Solids, primitive_rows, shared_rows
 from swath.field.wind import GUST_SHARE
-from swath.kernels import member_array
+from swath.kernels import member_array, repeatable
 from swath.rays.geometry import make_solid_arrays
 
 F32 = NDArray[np.float32]
@@ -33,6 +33,7 @@ class LiveScene:
         self.version = 0
         self._scene: Any = None
         self._held: dict[str, Any] = {}  # pool name -> the array last given to Warp
+        self._raise: Any = None  # the launch that finds tops of pages, of the arrays as they are held
         self._pages: Pages | None = None
         self.shown = np.full(2, -1, np.int64)
         self._place = (float("nan"), 0, 0)  # yaw of the stand, first page of the table
@@ -99,14 +100,20 @@ class LiveScene:
         count = len(pages.ground)
         if "page_top" not in self._held or len(self._held["page_top"]) != count:
             self._hold("page_top", np.zeros(count, np.float32))
-        wp.launch(raise_tops, count, [scene, 1.0 + self.top_room], device=self.device)
+        given = [scene, 1.0 + self.top_room]
+        if self.device != "cpu":
+            wp.launch(raise_tops, count, given, device=self.device)
+            return scene
+        if self._raise is None:
+            self._raise = repeatable(raise_tops, given, threads=count)
+        self._raise.launch()
         return scene
 
     def _hold(self, name: str, array: NDArray[Any]) -> None:
         """Another array under a name of the scene."""
         from swath.rays.kernel.scene import Scene
 
-        self._held[name] = array
+        self._held[name], self._raise = array, None
         self.version += 1
         setattr(self._scene, name, member_array(Scene, name, array, self.device))
 

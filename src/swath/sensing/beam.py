@@ -16,7 +16,6 @@ import numpy as np
 
 from swath.core.errors import InputError
 from swath.core.portable import log1p
-from swath.rays.hits import Spots
 from swath.signals import F64
 
 Profile = Literal["uniform", "gaussian"]
@@ -151,16 +150,14 @@ def _radius_of_energy(share: F64, profile: Profile) -> F64:
     return np.asarray(np.sqrt(-0.5 * log1p(-share * (1.0 - exp(-2.0)))))
 
 
-def spots(origins: F64, axes: F64, beam: Beam, pattern: F64) -> Spots:
-    """Sub-rays of every beam, for `RayCaster.cast_bundles`.
+def offsets_of(beam: Beam, pattern: F64) -> F64:
+    """The offsets of `Spots`. pattern: (beam_count or 1, sub_count, 2) on the unit disc.
 
-    origins: (beam_count, 3) [m]; axes: (beam_count, 3, 3), columns = beam direction, across, along;
-    pattern: (beam_count or 1, sub_count, 2) on the unit disc. A sub-ray leaves at its place in the
-    exit aperture and diverges with it.
+    A sub-ray leaves at its place in the exit aperture and diverges with it.
     """
     half_exit = 0.5 * np.asarray(beam.exit_diameter)
     half_angle = 0.5 * np.asarray(beam.divergence)
     u, v = pattern[:, :, 0], pattern[:, :, 1]
     length = np.sqrt(1.0 + (u * half_angle[0]) ** 2 + (v * half_angle[1]) ** 2)  # the axes are a frame
     offsets = (u * half_exit[0], v * half_exit[1], u * half_angle[0], v * half_angle[1], 1.0 / length)
-    return Spots(origins, axes, np.stack(offsets, axis=-1))
+    return np.stack(offsets, axis=-1)

@@ -18,8 +18,9 @@ from swath.field.memory_layout import Organ
 from swath.field.site_setup import SiteSetup
 from swath.field.wetness import darkened
 from swath.rays.engine import RayCaster
+from swath.rays.hits import Spots
 from swath.sensing import AIR, RANGES, STEMS_SEEN
-from swath.sensing.beam import Pattern, random_pattern, spot_pattern, spots, turned_pattern
+from swath.sensing.beam import offsets_of, random_pattern, spot_pattern, turned_pattern
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, merging_gap, receive
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.scanner import OutdoorParams, ScanningLidar
@@ -69,6 +70,7 @@ class PlantsLidar(ScanningLidar):
         if len(self.azimuth) * params.sub_rays > 4_000_000:
             raise InputError("sub_rays", params.sub_rays, "expected at most 4 million rays per scan")
         self.pattern = spot_pattern(params.sub_rays, self.sheet.beam.profile)
+        self._offsets = offsets_of(self.sheet.beam, self.pattern.position[None])
         self.caster, self.sight = RayCaster(setup.field), self.scanner.sight()
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
@@ -78,10 +80,10 @@ class PlantsLidar(ScanningLidar):
         """
         beams, subs = len(origins), self.params.sub_rays
         rng = self._stream.at(t)
-        pattern = self._pattern(rng, beams)
+        offsets, weight = self._sub_rays(rng, beams)
         axes = product(rotations, self.scanner.axes_at(t))
         self.sight.ensure(np.ascontiguousarray(origins), np.ascontiguousarray(axes[:, :, 0]))
-        rays = spots(origins, axes, self.sheet.beam, pattern.position)
+        rays = Spots(origins, axes, offsets)
         hits = self.caster.cast_bundles(rays, range_max=self.scanner.reach, solids=self.setup.solids(), t=t)
         self.ray_count += beams * subs
         distance = hits.distance.astype(np.float64)
@@ -94,8 +96,8 @@ class PlantsLidar(ScanningLidar):
         air = self.air(t, origins, axes[:, :, 0], distance)
         receiver = replace(self.receiver, least_energy=self.scanner.least_energy)
         if air is not None:
-            distance, albedo = air.between(Bundle(distance, pattern.weight, albedo), receiver)
-        echoes = receive(Bundle(distance, pattern.weight, albedo), receiver)
+            distance, albedo = air.between(Bundle(distance, weight, albedo), receiver)
+        echoes = receive(Bundle(distance, weight, albedo), receiver)
         measured = self.scanner.noise.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
@@ -109,13 +111,15 @@ class PlantsLidar(ScanningLidar):
             found.append(f"{rays} the spot of echo nearest is {seen:.2f} times as wide as the data sheet's")
         return found
 
-    def _pattern(self, rng: np.random.Generator, beams: int) -> Pattern:
-        """Sub-rays of one sweep, position (beams or 1, count, 2)."""
+    def _sub_rays(self, rng: np.random.Generator, beams: int) -> tuple[F64, F64]:
+        """Of one sweep: offsets (beams or 1, count, 5) as in `Spots`, and shares of the energy (count,)."""
+        if self.params.spot == "fixed":
+            return self._offsets, self.pattern.weight
         if self.params.spot == "turned":
-            return turned_pattern(rng, beams, self.pattern)
-        if self.params.spot == "random":
-            return random_pattern(rng, beams, self.params.sub_rays, self.sheet.beam.profile)
-        return Pattern(self.pattern.position[None], self.pattern.weight)
+            pattern = turned_pattern(rng, beams, self.pattern)
+        else:
+            pattern = random_pattern(rng, beams, self.params.sub_rays, self.sheet.beam.profile)
+        return offsets_of(self.sheet.beam, pattern.position), pattern.weight
 
 
 LEVEL = Level(

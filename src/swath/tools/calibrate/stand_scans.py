@@ -17,7 +17,8 @@ from swath.field.memory_layout import Organ, PlantLibrary
 from swath.field.plants import make_plants
 from swath.field.prototypes import make_library
 from swath.rays.engine import RayCaster
-from swath.sensing.beam import Beam, Profile, spot_pattern, spots
+from swath.rays.hits import Spots
+from swath.sensing.beam import Beam, Profile, offsets_of, spot_pattern
 from swath.sensing.echo import Bundle, Receiver, least_energy, merging_gap, receive
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 from swath.signals import F64, Mask
@@ -168,7 +169,7 @@ class SampleStands:
         origin = np.c_[start, np.full(lines * LINE, top + width)] + aside[:, None] * axes[:, :, 1]
         beam = Beam((place.spot, place.spot), (0.0, 0.0), settings.profile)
         pattern = spot_pattern(settings.sub_rays, settings.profile)
-        rays = spots(origin, axes, beam, pattern.position[None])
+        rays = Spots(origin, axes, offsets_of(beam, pattern.position[None]))
         hits = caster.cast_bundles(rays, range_max=100.0)
         albedo = (hits.reflectance * hits.cosine).astype(np.float64)
         to_spot = (top + width - SPOT_AT * place.height) / np.sin(place.depression)
