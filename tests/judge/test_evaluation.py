@@ -3,9 +3,12 @@
 import pytest
 
 from swath.core.frames import Pose
+from swath.core.packed_state import pack, unpack
 from swath.judge.catalogue import load_evaluators
 from swath.judge.evaluation import Evaluation
 from swath.judge.evaluator import EvaluatorSetup, Event, Later, Metric, is_among
+from swath.judge.evaluators.harvest import Harvest
+from swath.judge.evaluators.lateral_error import LateralError
 from swath.judge.windows import EventFeed, Window
 from swath.scenario.resolved import Expectation
 from swath.scenario.sections import Limit
@@ -123,6 +126,17 @@ def test_an_evaluator_that_takes_samples_is_given_each_of_its_machine_once(expec
     assert evaluation.find("cart", Taking).ways == []
     if expect:
         assert evaluation.check({"combine": {}}, {})[0]["value"] == 2.0
+
+
+def test_evaluators_of_a_machine_note_its_way_once_also_after_a_saved_state():
+    made, other = (judged(LateralError, Harvest, names=("combine", "cart")) for _ in range(2))
+    for state in states_until([1.0, 3.0, 2.0, 9.0]):
+        made("combine.motion", state.t, {"state": state})
+    other.load(unpack(pack(made.save(), made.shared), other.shared))
+    for evaluation in (made, other):
+        paths = [evaluation.find("combine", kind).path for kind in (LateralError, Harvest)]
+        assert paths[0] is paths[1] is not evaluation.find("cart", Harvest).path
+        assert paths[0].arrays()[1].tolist() == [1.0, 3.0, 9.0]
 
 
 def test_the_end_is_asked_for_once():

@@ -24,6 +24,7 @@ from swath.judge.evaluator import (
     TakesSeen,
     is_among,
 )
+from swath.judge.header_path import HeaderPath
 from swath.judge.limits import NO_SAMPLE, OF_WINDOWS, check_metric, check_samples, entry_of, window_of
 from swath.judge.windows import FIELD, EventFeed, WindowedEvaluator, concerns, restore, state_of
 from swath.record.message_factory import RecordedMachine
@@ -59,10 +60,14 @@ class Evaluation:
         first = next(iter(setups.values()))
         self._setups = {**setups, FIELD: replaced(first, name="", overlap=0.0, gaps=())}
         self.machines: dict[str, RecordedMachine] = dict(first.machines)
-        self._of: dict[str, list[Evaluator]] = {
+        self._of: dict[str, list[Any]] = {
             subject: [make(setup) for make in catalogue.classes if (subject == FIELD) == make.OF_FIELD]
             for subject, setup in self._setups.items()
         }
+        for own in self._of.values():
+            every = [e for e in own if isinstance(getattr(e, "path", None), HeaderPath)]
+            for e in every[1:]:
+                e.path = every[0].path
         self._of[FIELD] += watchers
         self._scenes = {f"scene {n}": watcher.scene for n, watcher in enumerate(watchers)}
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]

@@ -1,5 +1,8 @@
 """The way of the header end that follows the edge, as evaluators keep it."""
 
+from collections.abc import Callable
+from weakref import ref
+
 import numpy as np
 
 from swath.core.blocks import Block
@@ -13,7 +16,12 @@ PATH_M = 0.02  # spacing of the stored path
 
 @saved_type("end", "_end", "_rows", "_next")
 class HeaderPath:
-    """Places of a machine's header end, one every PATH_M. end: in the machine frame [m]."""
+    """Places of a machine's header end, one every PATH_M. end: in the machine frame [m].
+
+    Evaluators of a machine may keep one together: what each of them gives it is noted once.
+    """
+
+    _taken: Callable[[], Block | None] = staticmethod(lambda: None)  # what it was given last
 
     def __init__(self, machine: RecordedMachine) -> None:
         self.end = np.array([*machine.geometry.header_end(machine.edge_side), 0.0])
@@ -23,6 +31,9 @@ class HeaderPath:
 
     def take(self, states: Block) -> None:
         """Note where the machine was."""
+        if self._taken() is states:
+            return
+        self._taken = ref(states)
         found, after = [], self._next
         for k, way in enumerate(states["distance"].tolist()):
             if way >= after:

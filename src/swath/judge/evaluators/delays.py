@@ -36,10 +36,9 @@ class Delays(Later):
     def take(self, seen: Seen) -> None:
         """Note the age of what arrives."""
         for name, kind in (("command_delay_s", SteerCommand), ("edge_delay_s", CropEdge)):
-            if (arrived := seen.of(kind)) is not None:
-                for age in (arrived.times - arrived["t"])[arrived.times > 0].tolist():
-                    ages = self._ages.get(name) or self._ages.setdefault(name, Counter())
-                    ages[age] += 1
+            arrived = seen.of(kind)
+            if arrived is not None and (ages := (arrived.times - arrived["t"])[arrived.times > 0].tolist()):
+                self._ages.setdefault(name, Counter()).update(ages)
 
     def metrics(self) -> dict[str, float]:
         """Metrics of what the machine has: none without an edge detection or automatic steering."""

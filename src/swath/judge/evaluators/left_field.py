@@ -55,12 +55,14 @@ class LeftField(Later):
         states, flows = seen.of(MachineState), seen.of(CropFlow)
         if states is not None and (self._has_header or flows is not None):
             begin = 0 if self._has_header or flows is None else states.before(flows.orders[:1])[0] + 1
-            for k, way in enumerate(states["distance"][begin:].tolist(), begin):
-                if way >= self._next:
-                    self._waiting.append((states["t"][k].item(), way, states["pose"][k].tolist()))
-                    self._next = way + STEP_M
-                    if len(self._waiting) == CHUNK:
-                        self._judge()
+            times, ways, poses = states["t"], states["distance"], states["pose"]
+            while len(due := (ways[begin:] >= self._next).nonzero()[0]):
+                begin += int(due[0])
+                way = ways[begin].item()
+                self._waiting.append((times[begin].item(), way, poses[begin].tolist()))
+                self._next = way + STEP_M
+                if len(self._waiting) == CHUNK:
+                    self._judge()
         self._has_header |= flows is not None
 
     def metrics(self) -> dict[str, float]:
