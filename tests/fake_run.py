@@ -107,7 +107,7 @@ class GridField:
     boundary = None
     rows = None
 
-    def why_outside(self, x, y):
+    def each_outside(self, x, y):
         inside = (x > self.low[0]) & (x < self.low[0] + self.size[0])
         return ["" if own.any() else "beyond its boundary" for own in inside]
 

@@ -186,10 +186,12 @@ class Field:
             inside &= self.boundary.contains(x, y)
         return inside & self.terrain.covers(x, y) if isinstance(self.terrain, HasExtent) else inside
 
-    def why_outside(self, x: Any, y: Any) -> list[str]:
-        """Why none of the world points [m] of each row, (n, m), is in the field, empty where one is: `beyond
-        its boundary`.
-        """
+    def why_outside(self, x: Any, y: Any) -> str:
+        """Why none of these world points [m] is in the field, empty where one is: `beyond its boundary`."""
+        return self.each_outside(np.reshape(x, (1, -1)), np.reshape(y, (1, -1)))[0]
+
+    def each_outside(self, x: Any, y: Any) -> list[str]:
+        """The same of each row of world points, (n, m)."""
         maps = [(part, what) for part, what in ((self.stand, "stand"), (self.terrain, "terrain"))
                 if isinstance(part, HasExtent)]  # fmt: skip
         known = [(part.covers(x, y), f"beyond the map of its {what}") for part, what in maps]

@@ -373,7 +373,7 @@ def why_outside(field: Field, machine: MachineGeometry, start: Pose) -> str:
     ends = [machine.header_end(side) for side in ("left", "right")]
     points = np.array([[0.0, 0.0], [machine.knife_x, machine.header_y], *ends])
     x, y, _ = start.apply(np.column_stack([points, np.zeros(4)])).T
-    return field.why_outside(x[None], y[None])[0]
+    return field.why_outside(x, y)
 
 
 @dataclass(frozen=True)

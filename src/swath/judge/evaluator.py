@@ -222,8 +222,11 @@ class Truth(Protocol):
     def standing_along(self, starts: Any, step: Any, count: int, /) -> Any:
         """Whether crop stands along lines, (n, count)."""
 
-    def why_outside(self, x: Any, y: Any) -> list[str]:
-        """Why none of the places of each row, (n, m), is in the field, "" where one is."""
+    def why_outside(self, x: Any, y: Any) -> str:
+        """Why none of these places is in the field, "" where one is."""
+
+    def each_outside(self, x: Any, y: Any) -> list[str]:
+        """The same of each row of places, (n, m)."""
 
     def standing_area(self, polygon: Any) -> float:
         """Area of standing crop in a polygon [m2]."""

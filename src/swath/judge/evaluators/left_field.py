@@ -97,7 +97,7 @@ class LeftField(Later):
         beside = f"more than {num(BESIDE_M)} m beside its edge"
         is_bounded = setup.field.boundary is not None
         for place, why, within, is_beyond in zip(
-            places, setup.field.why_outside(x, y), inside, beyond.tolist(), strict=True
+            places, setup.field.each_outside(x, y), inside, beyond.tolist(), strict=True
         ):
             why = why or ("" if is_bounded or within >= -BESIDE_M else beside)
             _, distance, _ = place
