@@ -134,8 +134,8 @@ def test_evaluators_of_a_machine_note_its_way_once_also_after_a_saved_state():
         made("combine.motion", state.t, {"state": state})
     other.load(unpack(pack(made.save(), made.shared), other.shared))
     for evaluation in (made, other):
-        paths = [evaluation.find("combine", kind).path for kind in (LateralError, Harvest)]
-        assert paths[0] is paths[1] is not evaluation.find("cart", Harvest).path
+        paths = [evaluation.find("combine", kind).shared_path for kind in (LateralError, Harvest)]
+        assert paths[0] is paths[1] is not evaluation.find("cart", Harvest).shared_path
         assert paths[0].arrays()[1].tolist() == [1.0, 3.0, 9.0]
 
 

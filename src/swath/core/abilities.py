@@ -114,7 +114,7 @@ class Meets(Protocol, metaclass=ByMembers):
 
 @runtime_checkable
 class MeetsLater(Protocol, metaclass=ByMembers):
-    """A part that notes what it meets, and finds out what that is of many notes at once.
+    """A part that `Meets`, notes what it meets, and finds out what that is of many notes at once.
 
     note_met: what it takes, at the time; met: of notes, what the part met at each, as `Meets` has it
     """

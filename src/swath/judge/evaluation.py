@@ -45,7 +45,7 @@ class Evaluation:
     setups: of each machine by its name; the first one's distance counts for windows of the field
     expect: limits of the scenario; those that evaluators bring along are added
     watchers: further evaluators of the field, which know more than a setup says; each has what it knows as
-        `scene`, which a saved state leaves out
+        `scene`, which a saved state leaves out, and takes in what waits before (`settle`)
     """
 
     def __init__(
@@ -65,10 +65,11 @@ class Evaluation:
             for subject, setup in self._setups.items()
         }
         for own in self._of.values():
-            every = [e for e in own if isinstance(getattr(e, "path", None), HeaderPath)]
+            every = [e for e in own if isinstance(getattr(e, "shared_path", None), HeaderPath)]
             for e in every[1:]:
-                e.path = every[0].path
+                e.shared_path = every[0].shared_path
         self._of[FIELD] += watchers
+        self._watchers = watchers
         self._scenes = {f"scene {n}": watcher.scene for n, watcher in enumerate(watchers)}
         self._ending = [(n, e) for n, own in self._of.items() for e in own if isinstance(e, EndsRun)]
         self._noting = [e for own in self._of.values() for e in own if isinstance(e, HasEvents)]
@@ -165,6 +166,8 @@ class Evaluation:
     def save(self) -> dict[str, Any]:
         """What the evaluators have seen so far; it may refer to what is `shared`."""
         self.look()
+        for watcher in self._watchers:
+            watcher.settle()
         return {
             "evaluators": {subject: [state_of(e) for e in own] for subject, own in self._of.items()},
             "windows": [watch.save() for watch in self._windows.values()],

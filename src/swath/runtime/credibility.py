@@ -69,7 +69,11 @@ class Looks:
         is_single = set(map(type, each)) <= {float}
         sizes = [1 if is_single else np.size(value) for value in each]
         self._ends = np.cumsum(sizes)
-        values = np.array(each) if is_single else np.concatenate([np.ravel(value) for value in each])
+        values = (
+            np.array(each)
+            if is_single
+            else np.concatenate([np.ravel(value) for value in each], dtype=np.float64)
+        )
         known = np.isfinite(values)
         self.counts = self.count(known)
         self.values = np.where(known, values, nan)
@@ -170,17 +174,19 @@ class Scene:
 
     def note(self, machine: str, state: MachineState) -> Note:
         """What there is to know of a machine now."""
-        told = {}
+        told: dict[str, Any] = {}
         for slot, part, is_later in self._meeting[machine]:
-            told[slot] = part.note_met(state) if is_later else part.meets(state)
+            if is_later:
+                told[slot] = part.note_met(state)
+            else:  # of a part that may use its memory again
+                met = part.meets(state).items()
+                told[slot] = {n: v if isinstance(v, float) else np.array(v, np.float64) for n, v in met}
         if machine not in self._asked:
-            self._find_asked(machine, self._where(machine, [(state, told)]))
+            where = self._where(machine, [(state, told)])
+            asked = self._asked[machine] = list(self._ask(self.world.machines[machine], where))
+            plain = {checked.quantity for *_, checked, tellers in asked if not tellers}
+            self._fixed[machine] = {name: where.by_field(name)[:1] for name in FIXED & plain}
         return state, told
-
-    def _find_asked(self, machine: str, where: Where) -> None:
-        asked = self._asked[machine] = list(self._ask(self.world.machines[machine], where))
-        plain = {checked.quantity for *_, checked, tellers in asked if not tellers}
-        self._fixed[machine] = {name: where.by_field(name)[:1] for name in FIXED & plain}
 
     def _where(self, machine: str, notes: Sequence[Note]) -> Where:
         """Where a machine was at the times of notes."""
@@ -195,12 +201,7 @@ class Scene:
         """What a machine met at the times of notes, for each slot and range; of what no level declares for
         the machine, and for slots that are told something else of it.
         """
-        if machine not in self._held:  # notes of a saved moment
-            self.take_changes(machine)
-        where = self._where(machine, notes)
-        if machine not in self._asked:
-            self._find_asked(machine, where)
-        fixed = self._fixed[machine]
+        where, fixed = self._where(machine, notes), self._fixed[machine]
         known: dict[tuple[str, str | tuple[str, ...]], Looks] = {}
         each: Sequence[Any]
         for subject, slot, checked, tellers in self._asked[machine]:
@@ -312,11 +313,15 @@ class Credibility:
             for slot, checked, values in self.scene.values(machine, notes):
                 self._seen.setdefault((slot, checked.quantity), Seen()).add(values, checked)
 
+    def settle(self) -> None:
+        """Judge what waits."""
+        for machine in [*self._notes]:
+            self._judge(machine)
+
     @property
     def seen(self) -> dict[tuple[str, str], Seen]:
         """By slot and quantity, what was met so far."""
-        for machine in [*self._notes]:
-            self._judge(machine)
+        self.settle()
         return self._seen
 
     def metrics(self) -> dict[str, float]:

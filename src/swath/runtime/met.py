@@ -90,11 +90,15 @@ class Where:
         the field's.
         """
         among = self.told[0] if slots is None else slots
-        columns = [[told[n].get(name) for told in self.told] for n in among]
-        said: list[list[Any]] = [column for column in columns if isinstance(column[0], float)]
-        if len(said) < 2:
-            return said[0] if said else self.by_field(name)
-        return [max([v for v in of_all if v == v], default=nan) for of_all in zip(*said, strict=True)]
+        columns: list[list[Any]] = [[told[n].get(name) for told in self.told] for n in among]
+        if len(columns) == 1 and set(map(type, columns[0])) <= {float}:
+            return columns[0]
+        found, by_field = [], list[float]()
+        for k in range(len(self.told)):
+            said = [column[k] for column in columns if isinstance(column[k], float)]
+            by_field = by_field or ([] if said else self.by_field(name))
+            found.append(max([v for v in said if v == v], default=nan) if said else by_field[k])
+        return found
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def look(
 ):
     """The blocks that are full, in each world. tracks: rows of `BLOCK_TRACK`, flat.
 
-    offsets, seen, heights, scratch: of all worlds, of each, for all: see `canopy_offset_kernel`
+    offsets of all worlds; seen, heights: of each, scratch: for all, as `canopy_offset.shapes_of` says
     """
     w = wp.tid()
     if active[w]:

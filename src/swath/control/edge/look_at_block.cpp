@@ -1,5 +1,5 @@
 // Looks at the block of a world, where it is full. Of one whose edge is followed the rays are told for the overhang: beside the edge
-// where they are at the crop's top and at the lower limit, and how high they end [m], then height of the crop, lower limit [m], overhang
+// where they are at the crop's top and at the lower limit, and how high they end [m], then ground 0, height of the crop, lower limit [m], overhang
 // at first [m], and whether that is to be fitted; given back: how many rays, -1 of another block. ends: the look's end instead, what its
 // rays say of the feet, and what is told of it all; found: overhang [m], nan where none was fitted.
 if (ends && row.canopy.is_full != 0.0) {

@@ -30,7 +30,7 @@ class Harvest(Later):
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
         self.side = 1.0 if setup.machine.edge_side == "left" else -1.0
-        self.path = HeaderPath(setup.machine)
+        self.shared_path = HeaderPath(setup.machine)
         self._distance = 0.0
         self._has_header = False
         left, right = (setup.machine.geometry.header_end(side)[1] for side in ("left", "right"))
@@ -42,7 +42,7 @@ class Harvest(Later):
         """Add what was cut."""
         states, flows = seen.of(MachineState), seen.of(CropFlow)
         if states is not None:
-            self.path.take(states)
+            self.shared_path.take(states)
         if flows is not None:
             self._has_header = True
             area, way = flows["area"], held(states, "distance", flows.orders, self._distance)
@@ -76,7 +76,7 @@ class Harvest(Later):
 
         Up to OUTSIDE_M beyond the initial edge.
         """
-        _, distance, x, y = self.path.arrays()
+        _, distance, x, y = self.shared_path.arrays()
         if len(distance) < 2 or distance[-1] - distance[0] < NODE_M:
             return 0.0
         at = np.append(np.arange(distance[0], distance[-1], NODE_M), distance[-1])

@@ -42,13 +42,13 @@ class LateralError(Later):
 
     def __init__(self, setup: EvaluatorSetup) -> None:
         self.setup = setup
-        self.path = HeaderPath(setup.machine)
+        self.shared_path = HeaderPath(setup.machine)
         self._has_header = False
 
     def take(self, seen: Seen) -> None:
         """Note where the header end is."""
         if (states := seen.of(MachineState)) is not None:
-            self.path.take(states)
+            self.shared_path.take(states)
         self._has_header |= seen.of(CropFlow) is not None
 
     def metrics(self) -> dict[str, float]:
@@ -75,7 +75,7 @@ class LateralError(Later):
 
     def series(self, most: int | None = None) -> PathSeries:
         """The course of the run so far. most: samples, spread evenly, where there are more."""
-        t, distance, x, y = self.path.arrays(most)
+        t, distance, x, y = self.shared_path.arrays(most)
         return PathSeries(t, distance, x, y, self._error(x, y))
 
 

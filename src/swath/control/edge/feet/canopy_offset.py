@@ -25,7 +25,7 @@ STEP = 0.005  # m, of which bins and shifts are multiples
 TALLEST, LAYER = 4.0, 0.02  # m, of the heights counted within
 BINS, HEIGHTS = round((TO - FROM) / BIN), round(TALLEST / LAYER)  # how many places and heights are counted
 OFTEN = 0.5  # m of travel from fit to fit
-SPREADS = 8  # of the stand's border that are tried: as many as the kernel's
+SPREADS = 8  # of the stand's border that are tried
 
 _Z = np.linspace(-6.0, 6.0, 1201)
 _MET = np.linspace(0.0, 60.0, 3001)
