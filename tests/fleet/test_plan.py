@@ -56,7 +56,10 @@ def test_passes_cut_the_field_and_keep_off_holes(what, rounds):
     ground, plan = planned(job(widths=(7.5, 9.0), rounds=rounds, **what))
     strips = shapely_here().union_all([strip_of(p) for p in plan.passes])
     left = ground.field.difference(strips).area
-    assert left == pytest.approx(plan.left, abs=PARAMS.least_m2)  # bends swing out of their strips
+    outlines = [shapely_here().Polygon(part.exterior) for part in shapely_here().get_parts(ground.field)]
+    is_convex = all(each.convex_hull.area < each.area + 1e-6 for each in outlines)
+    swing = 1e-6 if is_convex else PARAMS.least_m2  # of bends about inner corners, out of their strips
+    assert plan.left - swing <= left <= plan.left + 1e-6
     assert left < 0.005 * ground.field.area
     assert strips.intersection(ground.holes).area < 1e-6
     assert ground.field.area == pytest.approx(area_of(what), rel=1e-6)

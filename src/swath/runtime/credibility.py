@@ -52,7 +52,7 @@ Note = tuple[MachineState, dict[str, Any]]  # of a machine, and what its parts s
 STATES = (INSIDE, EDGE, OUTSIDE)
 TOLERATED = 0.02  # share of the values of a look that may lie beyond a range
 SLACK = 1e-6  # share of a bound that comes of rounding, as of units
-TOGETHER = 16  # notes that are judged together where the ground stays as it is
+TOGETHER = 16  # notes that are judged together where the ground stays as it is; changes no result, estimated
 LOOKS = 3  # beyond a range that make a slot outside of it
 REST = NS // 10  # between two questions whether a machine has moved on [ns]
 
@@ -137,7 +137,7 @@ class Scene:
         self.parts = {m.name: dict(m.parts) for m in world.machines.values()}
         self.slots = {m.name: m.slots for m in world.machines.values()}
         self._fixed: dict[str, dict[str, list[float]]] = {}  # of machines, by quantity: the one value
-        self._held: dict[str, list[int]] = {}  # which parts and changes a machine had
+        self.held: dict[str, list[int]] = {}
         self._meeting: dict[str, list[tuple[str, Any, bool]]] = {}  # its parts that meet, whether later
         self._foreign: dict[str, set[str]] = {}
         self._asked: dict[str, list[tuple[str, str, Checked, tuple[str, ...]]]] = {}  # as `_ask` gives it
@@ -152,11 +152,10 @@ class Scene:
         self._asked.pop(name, None)
         self._nodes = {node.slot.name: node for node in self.world.graph.nodes}
 
-    def is_known(self, machine: str) -> bool:
-        """Whether it has the levels, parameters and parts that it had when it was looked at last."""
+    def holds(self, machine: str) -> list[int]:
+        """Which levels, parameters and parts it has now; `held`: had when it was looked at last."""
         about = self.world.machines[machine]
-        now = [*map(id, about.parts.values()), *map(id, about.changed.values())]
-        return self._held.get(machine) == now
+        return [*map(id, about.parts.values()), *map(id, about.changed.values())]
 
     def take_changes(self, machine: str) -> None:
         """Levels, parameters and parts that came in since the last look."""
@@ -170,7 +169,7 @@ class Scene:
         self._meeting[machine] = [(slot, part, isinstance(part, MeetsLater)) for slot, part in own]
         # a part from elsewhere may have come into a slot, whose ranges are not its own
         self._foreign[machine] = {s for s, part in about.parts.items() if part is not self.parts[machine][s]}
-        self._held[machine] = [*map(id, about.parts.values()), *map(id, about.changed.values())]
+        self.held[machine] = self.holds(machine)
 
     def note(self, machine: str, state: MachineState) -> Note:
         """What there is to know of a machine now."""
@@ -300,7 +299,7 @@ class Credibility:
 
     def look_at(self, machine: str, state: MachineState) -> None:
         """Note what a machine meets now; many notes are judged together."""
-        if not self.scene.is_known(machine):
+        if self.scene.holds(machine) != self.scene.held.get(machine):
             self._judge(machine)
             self.scene.take_changes(machine)
         notes = self._notes.setdefault(machine, [])

@@ -20,7 +20,15 @@ wp.set_module_options({"fuse_fp": False, "enable_backward": False})
 Numbers = wp.array(dtype=wp.float64)
 Table = wp.array2d(dtype=wp.float64)
 ZERO, HALF = constants(0.0, 0.5)
-UPPER, LOWER, LEVEL, SCRATCH = 10, 11, 9, 18  # rows of the scratch as otsu_step.cpp has them, how many
+# Rows of the scratch: echoes of a scan; those about the edge in lateral order, as they came first and as they
+# count; heights, and what has no name; points of a fit, their variances and weights
+_ROWS = (
+    *("ECHO_X", "ECHO_U", "ECHO_Z", "RAW_X", "RAW_LEVEL", "RAW_UPPER", "RAW_LOWER"),
+    *("AHEAD", "LATERAL", "LEVEL", "UPPER", "LOWER", "VALUES", "MET"),
+    *("FIT_X", "FIT_U", "FIT_VARIANCE", "ROBUST"),
+)
+UPPER, LOWER, LEVEL = map(_ROWS.index, ("UPPER", "LOWER", "LEVEL"))
+SCRATCH = len(_ROWS)
 _NUMBERS = {
     "MIN_POINTS": 5,  # fewest on each side of a step
     "LOWEST": -1.5,  # m: heights of the echoes that count
@@ -55,6 +63,8 @@ _NUMBERS = {
     "GRAVITY": inclination.GRAVITY,
     "OFTEN": canopy_offset.OFTEN,
     "NS": float(schedule.NS),
+    "SCRATCH": SCRATCH,
+    **{name: row for row, name in enumerate(_ROWS)},
     **{name: getattr(canopy_classes, name) for name in ("NEAR", "FAR", "HEADROOM", "ROOM")},
 }
 
@@ -73,7 +83,8 @@ class Settings:
     centre: u of the header end; mounting: pose_machine_sensor, its position, then rows of the rotation
     lost: after so long without an edge none is reported [ns]
     reference: where ahead the offset holds
-    lean, spot, memory: as in `CanopyOffset`
+    lean, spot: first guess of the canopy's offset over the crop's height [1], and on top of that [m]
+    memory: travel over which it is learned [m], 0 = it is not
     """
 
     sign: wp.float64

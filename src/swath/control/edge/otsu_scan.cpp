@@ -1,6 +1,5 @@
 // A scan of a world into its track, where it is new. In: time of the scan [ns]; speed [m/s], yaw rate [rad/s], rise of tops of plants
-// toward the left and whether that is known; its ranges and beams, which of their rows are this world's; the mounting. Given back: how
-// many rays, in rows UPPER, LOWER and LEVEL of the scratch, say how far the feet are behind the canopy's edge, 0 = none; told: their
+// toward the left and whether that is known; its ranges, beams and mounting. Given back: how many rays, in rows UPPER, LOWER and LEVEL of the scratch, say how far the feet are behind the canopy's edge, 0 = none; told: their
 // ground, top, limit, first guess of that, and whether it is to be fitted.
 const auto& s = wp::index(settings, w);
 auto& state = wp::index(states, w);

@@ -14,10 +14,6 @@ struct Line {
     return offset + ahead * (slope + 0.5 * bend * ahead);
   }
 };
-// Rows of the scratch: echoes of a scan; those about the edge in lateral order, as they came first and as they count; heights, and what
-// has no name; points of a fit, their variances and weights.
-enum { ECHO_X, ECHO_U, ECHO_Z, RAW_X, RAW_LEVEL, RAW_UPPER, RAW_LOWER, AHEAD, LATERAL, LEVEL, UPPER, LOWER, VALUES, MET, FIT_X, FIT_U,
-       FIT_VARIANCE, ROBUST, SCRATCH };
 // An edge point of a scan; count: of its rays
 struct Step { bool is_there; int count; D x, u, variance, quality, crop, stubble, ground, separation, top, limit; };
 // Lateral slope of n points on the stubble side, least squares shrunk toward 0 by 2 deg of roll.

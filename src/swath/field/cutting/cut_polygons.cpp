@@ -5,7 +5,7 @@
 
 struct Span { int first, after; };  // cells of a row whose middles lie in the polygon
 struct Spans { Span of[CELLS]; };   // of the rows of a row of tiles
-constexpr int AHEAD = 8;  // lines of cells, whose codes are asked of memory so early
+constexpr int AHEAD = 8;  // lines of cells, whose codes are asked of memory so early; changes no result, estimated
 struct Edge { double x, y, slope, dy; };  // from a corner to the next one, in cells of the stand frame; dx/dy
 typedef double D __attribute__((vector_size(32)));
 typedef long long L __attribute__((vector_size(32)));
@@ -30,7 +30,7 @@ each_polygon(w, its, [&](const auto& land, const Asked& polygon, double* sums) -
   const int begin = (int)__builtin_ceil(lowest - 0.5), end = (int)__builtin_floor(highest - 0.5);
   const int first_row = begin > its.rows.data[w][0] ? begin : its.rows.data[w][0], last_row = end < its.rows.data[w][1] ? end : its.rows.data[w][1];
 
-  constexpr int KEPT = 16;  // rows of tiles whose spans are found once
+  constexpr int KEPT = 16;  // rows of tiles whose spans are found once: of a header 12 m wide and more
   Spans kept[KEPT], others;
   auto find_spans = [&](int first, int last, bool is_again = false) -> const Spans& {  // of rows of one row of tiles, four at a time
     const int number = (first >> 6) - (first_row >> 6);
