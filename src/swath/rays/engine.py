@@ -72,7 +72,7 @@ class RayCaster:
         return hits
 
     def _hit_solids(self, o: F64, d: F64, range_max: float, solids: Solids, hits: Hits) -> None:
-        """Nearest solid of each ray."""
+        """Nearest solid of each ray, (n, 3) or (1, 3) for all."""
         from swath.rays.kernel.solids_alone import cast_solids
 
         wp = start_warp()
@@ -121,12 +121,8 @@ class RayCaster:
         o, ways = np.ascontiguousarray(origins), np.broadcast_to(direction, origins.shape)
         if len(o) == 0 or not self._has_packets(1):
             return self.cast(o, ways, **options)
-        packing, lone = pack_parallel(o, direction)
-        hits = self._traverse((len(o),), (o, np.ascontiguousarray(direction)), packing, options)
-        for array, found in zip(hits.arrays, self.cast(o[lone], ways[lone], **options).arrays, strict=True):
-            if array.size:
-                array[lone] = found
-        return hits
+        rays = o, np.ascontiguousarray(direction)
+        return self._traverse((len(o),), rays, pack_parallel(o, direction), options)
 
     def _has_packets(self, sub_rays: int) -> bool:
         """Can such bundles be cast as packets? Else the plain kernel serves, and a warning says so once."""
@@ -161,8 +157,8 @@ class RayCaster:
             self._packets = PacketTraversal(wp, self.field.library, self._pool)
         flat, has_solids = hits.reshaped((-1,)), solid_count(solids) > 0
         if has_solids and not isinstance(rays, Spots):
-            o, d = (np.broadcast_to(a.reshape(-1, 3), (flat.organ.size, 3)) for a in rays)
-            self._hit_solids(np.ascontiguousarray(o), np.ascontiguousarray(d), range_max, solids, flat)
+            o, d = (np.ascontiguousarray(a).reshape(-1, 3) for a in rays)
+            self._hit_solids(o, d, range_max, solids, flat)
         flags = self._packets.cast(
             scene, self.scene.version, rays, packing, float(range_max), has_solids, flat
         )
@@ -198,7 +194,7 @@ class RayCaster:
 
     def _run(self, wp: Any, kernel: Any, scene: list[Any], o: F64, d: F64, reach: float, hits: Hits) -> None:
         """A kernel of single rays over all of them."""
-        from swath.rays.kernel.cast import BLOCK
+        from swath.rays.kernel.solids_alone import BLOCK
 
         rays = [self.scene.share(wp, o, wp.vec3d), self.scene.share(wp, d, wp.vec3d)]
         kinds = (wp.float32, wp.uint8, wp.float32, wp.float32, wp.vec3)
@@ -209,9 +205,9 @@ class RayCaster:
             wp.launch(kernel, dim=count, inputs=inputs, device=self.device, block_dim=BLOCK)
 
         if self.device == "cpu":
-            self._pool.split(len(o), CHUNK_MIN, run)
+            self._pool.split(len(hits.organ), CHUNK_MIN, run)
             return
-        run(0, len(o))
+        run(0, len(hits.organ))
         for array, target in zip(out, hits.arrays, strict=True):
             target[:] = array.numpy()
 

@@ -88,7 +88,10 @@ def make_solid_arrays(wp: Any, solids: Solids, device: str) -> Any:
         return SolidArrays()
     tree = np.array([0 if m is None else _tree(wp, m, device).id for m in packed.mesh], np.uint64)
     members = {f.name: getattr(packed, f.name) for f in fields(packed) if f.name != "mesh"}
-    return filled(SolidArrays, device, count=len(packed.kind), tree=tree, **members)
+    middle = packed.centre.mean(axis=0)
+    reach = float((np.linalg.norm(packed.centre - middle, axis=1) + packed.bound).max()) * 1.0001
+    ball = {"middle": wp.vec3d(*middle), "reach": reach}
+    return filled(SolidArrays, device, count=len(packed.kind), tree=tree, **ball, **members)
 
 
 def _tree(wp: Any, mesh: SolidMesh, device: str) -> Any:

@@ -17,63 +17,15 @@ from swath.rays.kernel.scene import (
     swayed,
     to_stand,
 )
-from swath.rays.kernel.shapes import MISS, axis_point, hit_box, hit_capsule, hit_patch, hit_sphere
+from swath.rays.kernel.shapes import MISS, hit_patch
+from swath.rays.kernel.solids_alone import BLOCK as BLOCK
+from swath.rays.kernel.solids_alone import SOLID, hit_solids
 
 GROUND = wp.constant(1)
 STRAW = wp.constant(2)
-SOLID = wp.constant(7)
 STRAW_DEPTH = wp.constant(0.005)  # thinner straw does not hide the soil [m]
 MARGIN = wp.constant(0.005)  # what may rise above tile_top: round ends of clipped stems [m]
 SLACK = wp.constant(0.001)  # rounding of tile planes [m]
-BLOCK = 64  # threads of a CUDA block; 1,024 on a multiprocessor leave 64 registers each
-
-
-@wp.func
-def hit_solids(solids: SolidArrays, o: wp.vec3d, d: wp.vec3, hit: Hit) -> Hit:
-    """Nearest solid."""
-    for i in range(solids.count):
-        away = wp.vec3(solids.centre[i] - o)
-        along = wp.dot(away, d)
-        across = away - along * d
-        bound = solids.bound[i]
-        if wp.dot(across, across) <= bound * bound and along + bound > 0.0 and along - bound < hit.t:
-            axes = solids.axes[i]
-            half = solids.half[i]
-            p = -(wp.transpose(axes) * away)
-            v = wp.transpose(axes) * d
-            t = float(MISS)
-            n = wp.vec3(0.0, 0.0, 1.0)
-            kind = solids.kind[i]
-            if kind == 0:
-                box = hit_box(p, v, half)
-                t = box[0]
-                n = wp.vec3(box[1], box[2], box[3])
-            elif kind == 1:
-                a = wp.vec3(0.0, 0.0, -half[2])
-                b = wp.vec3(0.0, 0.0, half[2])
-                t = hit_capsule(p, v, a, b, half[0])
-                q = p + t * v
-                n = q - axis_point(q, a, b)
-            elif kind == 3:  # seen from both sides: it need not be closed
-                found = wp.mesh_query_ray(solids.tree[i], p, v, wp.min(hit.t, along + bound))
-                if found.result:
-                    t = found.t
-                    n = found.normal
-            else:
-                pe = wp.cw_div(p, half)
-                ve = wp.cw_div(v, half)
-                stretch = wp.length(ve)
-                t = hit_sphere(pe, ve / stretch, wp.vec3(0.0, 0.0, 0.0), 1.0)
-                if t < MISS:
-                    n = wp.cw_div(pe + t * (ve / stretch), half)
-                    t = t / stretch
-            if t > 0.0 and t < hit.t:
-                hit.t = t
-                hit.organ = SOLID
-                hit.cosine = wp.min(1.0, wp.abs(wp.dot(n, v)) / wp.max(wp.length(n), 1.0e-20))
-                hit.reflectance = solids.reflectance[i]
-                hit.normal = axes * n
-    return hit
 
 
 @wp.func

@@ -58,9 +58,12 @@ class SolidArrays:
     half: half sizes [m], of a capsule radius, radius, half axis
     bound: radius of a ball around it [m]
     tree: Warp's of a mesh
+    middle, reach: ball around all of them [m]
     """
 
     count: int
+    middle: wp.vec3d
+    reach: float
     kind: wp.array(dtype=int)
     centre: wp.array(dtype=wp.vec3d)
     axes: wp.array(dtype=wp.mat33)

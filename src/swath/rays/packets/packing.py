@@ -21,7 +21,6 @@ IMAGE_RAYS = 1024  # of a group
 HIGH = 2.0  # a patch of an image is about so much higher than wide: stems stand
 SINGLES = 8  # rays of a vector of a lone line
 SQUARE = 0.25  # side across parallel rays [m]
-DENSE = 16  # rays in it that pay as packets
 # bits of 0 to 255, each with a gap after it
 _SPREAD = ((np.arange(256)[:, None] >> np.arange(8) & 1) << 2 * np.arange(8)).sum(axis=1).astype(np.uint16)
 SUB_RAYS_MAX = 512  # of a bundle that goes through the traversal
@@ -73,15 +72,13 @@ def pack_image(rows: int, columns: int, ratio: float) -> Packing:
     down, across = _patches(rows, columns, ratio)
     y, x = (v.ravel() for v in np.indices((rows, columns)))
     patch = y * down // rows * across + x * across // columns
-    order = np.argsort(patch, kind="stable").astype(np.int32)
+    order = np.argsort(patch.astype(np.uint16), kind="stable").astype(np.int32)  # its radix sort
     first = np.append(np.flatnonzero(np.diff(patch[order], prepend=-1)), rows * columns)
     return Packing(order, first.astype(np.int32), N, columns // across)
 
 
-def pack_parallel(origins: F64, direction: F64) -> tuple[Packing, I32]:
-    """Groups of rays from (n, 3) in one direction, by squares across it along a curve of Morton (1966); and
-    the rays in squares of so few that each is better cast by itself.
-    """
+def pack_parallel(origins: F64, direction: F64) -> Packing:
+    """Groups of rays from (n, 3) in one direction, by squares across it along a curve of Morton (1966)."""
     level = np.array([direction[1], -direction[0], 0.0])
     level = np.array([1.0, 0.0, 0.0]) if hypot(*level) < 1e-6 else level / hypot(*level)
     square = np.zeros(len(origins), np.uint16)
@@ -89,10 +86,8 @@ def pack_parallel(origins: F64, direction: F64) -> tuple[Packing, I32]:
         place = np.einsum("ij,j", origins, axis)
         low, high = float(place.min()), float(place.max())
         square |= _SPREAD[((place - low) * (1.0 / max(SQUARE, (high - low) / 255.0))).astype(np.uint8)] << k
-    is_dense = (np.bincount(square) >= DENSE)[square]
-    dense, lone = (np.flatnonzero(some).astype(np.int32) for some in (is_dense, ~is_dense))
-    order = dense[np.argsort(square[dense], kind="stable")]
-    return _in_a_row(len(order), GROUP_RAYS, N, order), lone
+    order = np.argsort(square, kind="stable").astype(np.int32)
+    return _in_a_row(len(order), GROUP_RAYS, N, order)
 
 
 def _patches(rows: int, columns: int, ratio: float) -> tuple[int, int]:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import warp as wp
 
-from swath.rays.kernel.cast import hit_solids
 from swath.rays.kernel.scene import Scene, SolidArrays, no_hit
+from swath.rays.kernel.solids_alone import hit_solids
 
 _HERE = Path(__file__).parent
 
