@@ -85,6 +85,21 @@ def test_what_happened_is_in_summary_and_report(judged):
     assert "✗ fail" in page
 
 
+def test_a_limit_under_an_earlier_name_is_judged_and_told(tmp_path):
+    (tmp_path / "stops.py").write_text(STOPS)
+    end = f'evaluators: ["{tmp_path / "stops.py"}:Stops"]\n'
+    old, new = (
+        parse_scenario(f"{TEXT}{end}expect: {{{name}: {{min: 2}}}}\n")
+        for name in ("thing_contrast", "thing_contrast_true")
+    )
+    assert old == new
+    summaries = [run_unrecorded(scenario) for scenario in (old, new)]
+    told = "expect.thing_contrast: it is called thing_contrast_true"
+    assert [told in s["notes"] for s in summaries] == [True, False]
+    assert summaries[0]["expect"] == summaries[1]["expect"]
+    assert summaries[0]["expect"][0]["name"] == "thing_contrast_true"
+
+
 def test_an_evaluator_ends_the_run_and_brings_its_limit(tmp_path):
     (tmp_path / "stops.py").write_text(STOPS)
     ending = f'evaluators: ["{tmp_path / "stops.py"}:Stops"]\n'

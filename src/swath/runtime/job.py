@@ -377,6 +377,7 @@ class Running:
         notes = world.field.notes
         notes += [note for machine in world.machines.values() for note in machine.notes]
         notes += [*unheard(world), *unused(world), *self.evaluation.notes()]
+        notes += [f"expect.{e.former}: it is called {e.name}" for e in world.scenario.expect if e.former]
         if asked_by := world.asked_by:
             summary[ASKED_BY] = asked_by
         with through(scenario.gate):

@@ -18,6 +18,7 @@ from swath.scenario.sections import Limit
 
 FIELD = "field"
 LATER = "obstacles."  # before the name of an obstacle that comes while a run goes
+FORMER = {"thing_contrast": "thing_contrast_true"}  # names of metrics that files may have
 
 
 def read_evaluators(reader: SectionReader, data: Any) -> tuple[tuple[str, ...], Any]:
@@ -122,6 +123,7 @@ def _limits(
     columns_of: Mapping[str, list[str]],
     unknown_cause: Callable[[str], str],
 ) -> list[Expectation]:
+    written, name = name, name if name in metrics else FORMER.get(name, name)
     columns = [] if subject == FIELD else columns_of.get(subject, judged.columns)
     if name not in metrics and name not in columns and judged.is_partial:
         return []  # of an evaluator that was left unread
@@ -146,7 +148,7 @@ def _limits(
         if limit.because is not None and (said := unknown_cause(limit.because)):
             reader.note((*where, "because"), limit.because, said)
         elif _fits(reader, limit, where, judged, name, columns):
-            found.append(Expectation(subject, name, limit))
+            found.append(Expectation(subject, name, limit, written if written != name else ""))
     return found
 
 

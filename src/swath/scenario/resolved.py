@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -108,11 +108,13 @@ class Expectation:
 
     subject: a machine's name, or `field`
     name: name of a metric, or of a column of the tracks
+    former: its name in the file where that is an earlier one
     """
 
     subject: str
     name: str
     limit: Limit
+    former: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True)

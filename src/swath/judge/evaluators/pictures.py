@@ -1,9 +1,9 @@
 """What the pictures of a camera show: how far things stand out in them, and how they were exposed.
 
 The contrast of a thing is its contrast-to-noise ratio: how far the mean of its pixels is from that of the
-pixels around it, over the standard deviation of those. Around it is what shows no thing in a frame about its
-box that is as wide as the larger side of the box. It takes the channel `instance`, and `raw` or else
-`colour`, of which it takes the mean of all three.
+pixels around it, over the standard deviation of those. Around it is what neither shows a thing nor touches a
+pixel that does, in a frame about its box that is as wide as the larger side of the box. It takes the channel
+`instance`, which is the truth, and `raw` or else `colour`, of which it takes the mean of all three.
 """
 
 from collections.abc import Mapping
@@ -26,8 +26,9 @@ class Pictures:
     SIGNALS = (Image,)
     METRICS = (
         Metric(
-            "thing_contrast", "", f"largest contrast-to-noise ratio of a thing of {LEAST_PX} pixels or more",
-            "Pictures", "higher", "contrast of things in pictures",
+            "thing_contrast_true", "",
+            f"largest contrast-to-noise ratio of a thing of {LEAST_PX} pixels or more, by its true mask: "
+            "no detector runs", "Pictures", "higher", "contrast of things by true masks",
         ),
         Metric("exposure_mean_s", "s", "exposure time times gain of the pictures, mean", "Pictures"),
     )  # fmt: skip
@@ -51,7 +52,7 @@ class Pictures:
 
     def metrics(self) -> dict[str, float]:
         """None without a camera."""
-        found = {"thing_contrast": self._contrast, "exposure_mean_s": mean(self._exposures)}
+        found = {"thing_contrast_true": self._contrast, "exposure_mean_s": mean(self._exposures)}
         return found if self._is_asked else {}
 
 
@@ -63,7 +64,9 @@ def contrast(light: Any, instance: Any, number: int) -> float:
     rows, columns = np.nonzero(own.any(axis=1))[0], np.nonzero(own.any(axis=0))[0]
     wide = max(np.ptp(rows), np.ptp(columns)) + 1
     frame = tuple(slice(max(at[0] - wide, 0), at[-1] + wide + 1) for at in (rows, columns))
-    around = light[frame][instance[frame] == 0]
+    beside = np.pad(instance[frame] > 0, 1)  # a pixel that touches one of a thing shows it in part
+    beside = beside[:-2] | beside[1:-1] | beside[2:]
+    around = light[frame][~(beside[:, :-2] | beside[:, 1:-1] | beside[:, 2:])]
     count, total, squares = len(around), int(around.sum()), int((around * around).sum())  # exact
     varies = count * squares - total * total
     if varies <= 0:
