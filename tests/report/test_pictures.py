@@ -69,6 +69,21 @@ def test_a_camera_that_saw_nothing_yet_shows_nothing():
     assert driven(1, lambda k: np.inf) == {}
 
 
+def test_temperatures_have_one_scale_in_degrees():
+    """Grey 51 of 255 of a picture from 10 to 30 deg C is 14 deg C; the scale spans both pictures."""
+    grey = np.full((*SIZE[::-1], 3), 51, np.uint8)
+    both = [
+        empty_image(NS, Lens(), (), colour=grey, black=273.15 + low, white=273.15 + low + 20.0)
+        for low in (10.0, 15.0)
+    ]
+    fig = pictures_figure([KeptPicture(image, None, 3.0) for image in both])
+    first, second = (ax.images[0] for ax in fig.axes[:2])
+    np.testing.assert_allclose(first.get_array(), 14.0)
+    np.testing.assert_allclose(second.get_array(), 19.0)
+    assert first.get_clim() == second.get_clim() == pytest.approx((10.0, 35.0))
+    assert fig.axes[-1].get_ylabel() == "apparent temperature [°C]"
+
+
 @pytest.mark.parametrize("channel", ["colour", "depth"])
 def test_boxes_lie_where_the_camera_says(channel):
     image = empty_image(NS, Lens(), (channel,))

@@ -1,5 +1,6 @@
 """The camera against the pinhole formula, closed forms of light and shadow, and single rays."""
 
+from collections import Counter
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -18,8 +19,8 @@ from swath.record.digest import sample_bytes
 from swath.runtime.assembly import assemble
 from swath.scenario.scenario import parse_scenario
 from swath.sensing.camera import depth, error, thermal
-from swath.sensing.camera.pinhole import OPTICAL
-from swath.sensing.camera.rays import Params, RaysCamera
+from swath.sensing.camera.pinhole import OPTICAL, Pinhole
+from swath.sensing.camera.rays import Params, RaysCamera, diffraction_mtf, through_lens
 from swath.sensing.camera.shading import COLOURS, Daylight, encode, linear
 from swath.sensing.mount import Mount
 from tests.sensing.sky_light import sky_light
@@ -73,10 +74,10 @@ def camera(solids=None, threads=1, **keys):
     return made
 
 
-def camera_of(level, solids):
+def camera_of(level, solids, **keys):
     """A camera of any level with 160 x 120 pixels that span 60 deg, without distortion, noise and blur."""
     if level == "rays":
-        return camera(solids, horizontal_fov_deg=60.0)
+        return camera(solids, horizontal_fov_deg=60.0, **keys)
     setup = replace(standing(solids), base=Path(__file__).parent)
     if level == "depth":
         params = depth.Params(
@@ -92,7 +93,7 @@ def camera_of(level, solids):
         made = depth.DepthCamera(params, setup)
     elif level == "thermal":
         size = {"width_px": 160, "height_px": 120, "horizontal_fov_deg": 60.0}
-        made = thermal.ThermalCamera(thermal.Params(**size), setup)
+        made = thermal.ThermalCamera(thermal.Params(**size | keys), setup)
     else:
         made = error.ErrorCamera(
             error.Params(
@@ -187,16 +188,21 @@ def test_labels_and_depths_are_those_of_single_rays():
     for i in range(0, len(d), 97):  # by the camera's own kernel a ray alone gives the very same
         alone = caster.cast_image(EYE, d[i][None, None], range_max=60.0, solids=solids)
         assert alone.organ[0, 0] == image.label.ravel()[i]
-    # Four samples: what a camera of twice the pixels sees, the nearest of each 2 x 2.
-    double = look(camera(solids, width_px=320, height_px=240))
-    cells = np.where(np.isnan(double.depth), np.inf, double.depth).reshape(120, 2, 160, 2)
-    nearest = cells.min(axis=(1, 3))
-    seen = look(four)
-    np.testing.assert_allclose(
-        seen.depth, np.where(np.isinf(nearest), np.nan, nearest).astype(np.float32), rtol=1e-6
-    )
-    found = double.label.reshape(120, 2, 160, 2) == seen.label[:, None, :, None]
-    assert (found & (cells == nearest[:, None, :, None])).any(axis=(1, 3))[~np.isinf(nearest)].all()
+    # Four samples: what most of them show, of equals the nearest.
+    own = four.pinhole.rays(2)
+    d = own @ (Pose.from_euler(EYE, ROLL, PITCH, YAW) @ OPTICAL).rotation.T
+    hits = caster.cast_image(EYE, d, range_max=60.0, solids=solids)
+    depths = np.where(hits.is_hit, hits.distance * own[..., 2], np.inf)
+    seen, mixed = look(four), 0
+    for v, u in np.random.default_rng(1).integers(0, (120, 160), (3000, 2)).tolist():
+        pixel = slice(2 * v, 2 * v + 2), slice(2 * u, 2 * u + 2)
+        votes = Counter(hits.organ[pixel].ravel().tolist())
+        best = [organ for organ, count in votes.items() if count == max(votes.values())]
+        near, organ = min((depths[pixel][hits.organ[pixel] == o].min(), o) for o in best)
+        mixed += len(best) > 1
+        assert seen.label[v, u] == organ
+        assert np.isnan(seen.depth[v, u]) if np.isinf(near) else seen.depth[v, u] == pytest.approx(near)
+    assert mixed > 100
 
 
 DAY = Daylight(Sun(np.radians(230.0), np.radians(50.0)), 0.0)
@@ -243,10 +249,69 @@ def test_light_and_shadow_on_the_ground(shadows):
 
 
 def test_one_and_two_threads_give_the_same_bytes():
-    images = [look(camera(threads=n, samples_per_pixel=4)) for n in (1, 2)]
-    first, second = (sample_bytes("combine.camera", "image", i.t, i) for i in images)
-    assert first == second
-    assert len(np.unique(images[0].colour)) > 50
+    pose, solids = Pose.from_euler(EYE, ROLL, PITCH, YAW) @ OPTICAL, box(EYE + BESIDE, (0.5, 0.9, 0.4))
+    made = [camera(solids, n, samples_per_pixel=4, shares=True).picture_from(10**9, pose) for n in (1, 2)]
+    for name in made[0]:
+        first, second = (sample_bytes("combine.camera", name, 10**9, outputs[name]) for outputs in made)
+        assert first == second
+    assert len(np.unique(made[0]["image"].colour)) > 50
+    assert made[0]["shares"].share.any()
+
+
+@pytest.mark.parametrize("per_side", [1, 2, 3, 4])
+def test_samples_of_a_pixel_share_no_column_and_no_row(per_side):
+    pinhole = Pinhole(5, 4, 7.0, 1.3, 2.1)
+    rays = pinhole.rays(per_side)
+    at = pinhole.focal * rays[..., :2] / rays[..., 2:] + (1.3, 2.1) + 0.5
+    i, j = np.indices(at.shape[:2])
+    np.testing.assert_array_equal(np.floor(at * per_side + 1e-9), np.stack([j, i], axis=-1))
+    places = np.floor(at[:per_side, :per_side] * per_side**2 + 1e-9).reshape(-1, 2)
+    np.testing.assert_array_equal(np.sort(places, axis=0), np.arange(per_side**2)[:, None].repeat(2, 1))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lens_keeps_the_contrast_that_its_mtf_says(seed):
+    """A wave across pixels keeps the share 1 - (1 - mtf) sin^2(pi f); a flat picture is kept."""
+    draw = np.random.default_rng(seed)
+    mtf, wave, phase = draw.uniform(0, 1), draw.uniform(0, 0.5, 2), draw.uniform(0, 6)
+    y, x = np.indices((40, 50))
+    pattern = np.cos(2.0 * np.pi * (wave[0] * y + wave[1] * x) + phase)
+    kept = np.prod(1.0 - (1.0 - mtf) * np.sin(np.pi * wave) ** 2)
+    seen = through_lens(np.stack([1.0 + pattern, pattern], axis=-1), mtf)
+    np.testing.assert_allclose(seen[1:-1, 1:-1, 0], (1.0 + kept * pattern)[1:-1, 1:-1], atol=1e-12)
+    np.testing.assert_allclose(through_lens(np.full((3, 4), 2.5), mtf), 2.5)
+    spot = np.zeros((9, 9))
+    spot[4, 4] = 1.0
+    assert through_lens(spot, mtf).sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("wavelength", "f_number", "pixel"), [(10e-6, 1.0, 12e-6), (0.54e-6, 4.0, 3.45e-6)])
+def test_diffraction_is_the_overlap_of_two_pupils(wavelength, f_number, pixel):
+    """The OTF of a lens is the autocorrelation of its pupil, here by counting points of a disc."""
+    shift = wavelength * f_number / pixel  # of one pupil, of radius 1, at the Nyquist frequency
+    y, x = np.mgrid[-1:1:2001j, -1:1:2001j]
+    disc = np.hypot(x, y) <= 1.0
+    both = disc & (np.hypot(x - shift, y) <= 1.0)
+    assert diffraction_mtf(wavelength, f_number, pixel) == pytest.approx(both.sum() / disc.sum(), abs=2e-3)
+    assert diffraction_mtf(wavelength, f_number, 0.01 * pixel) == 0.0
+
+
+@pytest.mark.parametrize("level", ["rays", "thermal"])
+def test_shares_of_a_thing_add_up_to_its_area(level):
+    made = camera_of(level, box(EYE + BESIDE, (0.5, 0.3, 0.4)), shares=True, samples_per_pixel=4)
+    out = made.picture_from(10**9, Pose.from_euler(EYE, ROLL, PITCH, YAW) @ OPTICAL)
+    boxes, share = out["boxes"], out["shares"].share
+    assert share.shape == (120, 160, 1)
+    assert share[[0, -1]].max() == share[:, [0, -1]].max() == 0.0
+    assert boxes.area[0] > 50
+    assert share.sum() == pytest.approx(boxes.area[0], rel=1e-5)
+    assert (share >= 0).all()
+    assert (share <= 1.0 + 1e-6).all()
+    hard = out["image"].label == Organ.SOLID
+    assert hard.sum() == pytest.approx(boxes.area[0], rel=0.1)
+    assert share[..., 0][hard].min() > 0.2
+    plain = camera_of(level, box(EYE + BESIDE, (0.5, 0.3, 0.4)))
+    assert "shares" not in plain.picture_from(10**9, Pose.identity() @ made.optical)
 
 
 def test_channels_by_choice():

@@ -81,16 +81,15 @@ def test_blur_is_as_wide_as_the_way_in_the_picture():
     z = 0.9
     setup = site(wall=wall(z, -9.0, 0.0))
     widths = []
-    for blur in ("none", "data_sheet"):
+    for speed in (0.0, SPEED):
         made = camera(
             setup,
             samples_per_pixel=16,
-            blur=blur,
             exposure_ms=20.0,
             cloud_percent=100.0,
             sensor="camera_60deg_global.yaml",
         )
-        image = made.picture(10**9, driving())["image"]
+        image = made.picture(10**9, driving(speed))["image"]
         profile = edge_profile(image)
         slope = np.abs(np.diff(profile[60:100]))
         place = np.arange(len(slope)) + 0.5
@@ -277,13 +276,18 @@ def test_boxes_are_around_what_is_seen_of_each_thing():
         SheetObstacle(kind="vehicle", x_m=4.0, y_m=12.0),
     ]
     setup.bodies.set_things(things_of(things, setup.field))
-    made = rays.RaysCamera(rays.Params(mount=MOUNT, channels=("instance",), samples_per_pixel=4), setup)
+    params = rays.Params(mount=MOUNT, channels=("instance",), samples_per_pixel=4, shares=True)
+    made = rays.RaysCamera(params, setup)
     out = made.picture_from(10**9, made.optical)
-    image, boxes = out["image"], out["boxes"]
+    image, boxes, shares = out["image"], out["boxes"], out["shares"]
     assert [OBSTACLE_KINDS[k] for k in boxes.kind] == ["person", "vehicle"]
+    np.testing.assert_array_equal(shares.instance, boxes.instance)
     for k, number in enumerate(boxes.instance.astype(int).tolist()):
-        rows, columns = np.nonzero(image.instance == number)
-        assert boxes.area[k] == len(rows)
+        share = shares.share[..., k]
+        rows, columns = np.nonzero(share)
+        assert boxes.area[k] == share.sum()
+        assert (image.instance[share > 0.5] == number).all()
+        assert not (image.instance[share == 0] == number).any()
         assert (boxes.left[k], boxes.right[k]) == (columns.min() - 0.5, columns.max() + 0.5)
         assert (boxes.top[k], boxes.bottom[k]) == (rows.min() - 0.5, rows.max() + 0.5)
     focal = made.pinhole.focal  # 1.75 m at 8 m, less the stubble before its feet

@@ -62,13 +62,22 @@ def test_it_is_coco(made):
 def test_masks_of_a_picture_are_its_category_map(made):
     from PIL import Image
 
-    whole = json.loads((made / "annotations.json").read_text())
+    whole, things = json.loads((made / "annotations.json").read_text()), 0
     for image in whole["images"]:
         name = image["file_name"].removesuffix(".jpg")
         categories = np.asarray(Image.open(made / "masks" / f"{name}.png"))
         for annotation in (a for a in whole["annotations"] if a["image_id"] == image["id"]):
             assert (categories[mask_of(annotation["segmentation"])] == annotation["category_id"]).all()
         assert np.asarray(Image.open(made / "images" / f"{name}.jpg")).shape == (48, 64, 3)
+        with np.load(made / "shares" / f"{name}.npz") as kept:
+            shares, numbers = kept["share"], kept["instance"].tolist()
+        for annotation in (a for a in whole["annotations"] if a["image_id"] == image["id"]):
+            if not annotation["iscrowd"]:
+                share = shares[..., numbers.index(annotation["instance"])]
+                assert share[mask_of(annotation["segmentation"])].min() > 0.0
+                assert share.sum() == pytest.approx(annotation["share_area"], rel=1e-5)
+                things += 1
+    assert things > 0
     assert write_overview(made).stat().st_size > 10_000
     (made / "overview.png").unlink()
 
@@ -157,7 +166,8 @@ def test_things_before_stuff_and_nothing_for_sky():
     kinds = ("tree", "person")
     categories = category_map(label, instance, kinds)
     assert categories[0, 0] == 0
-    found = annotations_of(instance, categories, kinds)
+    found = annotations_of(instance, categories, kinds, {2: 11.5})
     assert [NAMES[a["category_id"] - 1] for a in found] == ["person", "crop"]
     assert found[0]["bbox"] == [2, 1, 3, 4]
+    assert (found[0]["area"], found[0]["share_area"], found[0]["instance"]) == (12, 11.5, 2)
     assert found[1]["area"] == 24 - 6

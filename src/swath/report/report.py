@@ -14,6 +14,7 @@ import numpy as np
 from swath.core.files.whole_file import write_whole
 from swath.core.number_text import num
 from swath.field.memory_layout import Solids
+from swath.field.weather import KELVIN
 from swath.judge.catalogue import EvaluatorCatalogue
 from swath.judge.evaluators.edge_detection import EdgeDetection, EdgeSeries
 from swath.judge.evaluators.lateral_error import LateralError, PathSeries
@@ -129,15 +130,24 @@ def _picked(camera: _Camera) -> list[KeptPicture]:
 
 
 def pictures_figure(pictures: Sequence[KeptPicture]) -> Any:
-    """Pictures side by side, boxes drawn; depth in colours where a camera measures nothing else."""
+    """Pictures side by side, boxes drawn; temperatures in grey with their scale, depth in colours where a
+    camera measures nothing else.
+    """
     rows, shape = (len(pictures) + 1) // 2, pictures[0].image.height / pictures[0].image.width
     fig = plots.figure(11.0, rows * (5.4 * shape + 0.35))
     axes = fig.subplots(rows, 2, squeeze=False).ravel()
     far = max((_far(p.image) for p in pictures), default=1.0)
-    drawn = None
+    warm = [p.image for p in pictures if np.isfinite(p.image.black)]
+    coldest = min((image.black - KELVIN for image in warm), default=0.0)
+    warmest = max((image.white - KELVIN for image in warm), default=0.0)
+    drawn, scale = None, "distance along the optical axis [m]"
     for ax, picture in zip(axes, pictures, strict=False):
         image = picture.image
-        if image.colour.size:
+        if image.colour.size and np.isfinite(image.black):
+            celsius = image.black - KELVIN + (image.white - image.black) / 255.0 * image.colour[..., 0]
+            drawn = ax.imshow(celsius, cmap="gray", vmin=coldest, vmax=warmest)
+            scale = "apparent temperature [°C]"
+        elif image.colour.size:
             ax.imshow(image.colour)
         else:
             drawn = ax.imshow(image.depth, cmap="viridis_r", vmin=0.0, vmax=far)
@@ -147,7 +157,7 @@ def pictures_figure(pictures: Sequence[KeptPicture]) -> Any:
     for ax in axes:
         ax.set_axis_off()
     if drawn is not None:
-        fig.colorbar(drawn, ax=list(axes), label="distance along the optical axis [m]", shrink=0.8)
+        fig.colorbar(drawn, ax=list(axes), label=scale, shrink=0.8)
     return fig
 
 

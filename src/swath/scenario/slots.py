@@ -38,6 +38,7 @@ from swath.signals import (
     HeapState,
     Image,
     ImageBoxes,
+    ImageShares,
     Inertial,
     LossReading,
     MachineLoad,
@@ -232,7 +233,7 @@ SLOTS: tuple[SlotKind, ...] = (
         5.0,
         (Port("image", Image),),
         _STATE,
-        more=(Port("boxes", ImageBoxes),),
+        more=(Port("boxes", ImageBoxes), Port("shares", ImageShares)),
     ),
     _sensor(
         "odometry",

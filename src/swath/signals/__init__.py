@@ -37,6 +37,7 @@ from swath.signals.header import CropFlow as CropFlow
 from swath.signals.header import HeaderState as HeaderState
 from swath.signals.image import Image as Image
 from swath.signals.image import ImageBoxes as ImageBoxes
+from swath.signals.image import ImageShares as ImageShares
 from swath.signals.motion import MachineState as MachineState
 from swath.signals.motion import SteerState as SteerState
 from swath.signals.motion import WheelState as WheelState

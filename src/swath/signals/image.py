@@ -1,6 +1,7 @@
-"""Pictures of a camera, and where things are in them."""
+"""Pictures of a camera, where things are in them, and how much of each pixel they fill."""
 
 from collections.abc import Sequence
+from math import nan
 from typing import Annotated, Any, Protocol
 
 import numpy as np
@@ -9,7 +10,18 @@ from swath.core.frozen import frozen
 from swath.core.signal import About, Message, Quantity, Signal, TrackColumn
 from swath.signals.arrays import F32, F64, U8, U16
 from swath.signals.obstacles import KIND
-from swath.signals.ranges import CODE8, CODE16, COEFFICIENT, EXPOSURE, GAIN, PIXEL, PIXELS, SIGHT
+from swath.signals.ranges import (
+    CODE8,
+    CODE16,
+    COEFFICIENT,
+    EXPOSURE,
+    GAIN,
+    KELVIN,
+    PIXEL,
+    PIXELS,
+    SHARE,
+    SIGHT,
+)
 
 _IMAGE = (
     Message("sensor_msgs/Image", "colour, rgb8"),
@@ -22,6 +34,7 @@ _IMAGE = (
 )
 _SEEN = "figure `Pictures` of the report"
 _N = ("box_count",)
+_NO_HEAT = "colour is light"
 _COUNT = (TrackColumn("box_count", "-", "things in the picture", lambda x: float(len(x))),)
 
 
@@ -62,14 +75,20 @@ class Image(Signal, about=About("optical", _IMAGE, samples="messages", seen_as=_
     ]
     exposure: Annotated[float, Quantity("s", "exposure time, 0 = no light was counted", span=EXPOSURE)] = 0.0
     gain: Annotated[float, Quantity("", "of the image sensor over its least one", span=GAIN)] = 1.0
+    black: Annotated[
+        float, Quantity("K", "apparent temperature that is black in colour", nan=_NO_HEAT, span=KELVIN)
+    ] = nan
+    white: Annotated[
+        float, Quantity("K", "apparent temperature that is white in colour", nan=_NO_HEAT, span=KELVIN)
+    ] = nan
 
 
 @frozen
 class ImageBoxes(Signal, about=About("optical", seen_as=_SEEN)):
     """Boxes around the things of a picture [px]: the truth of what is seen of them, hidden parts left out.
 
-    Outer edges of the outermost pixels: a thing of one pixel (3, 4) spans 2.5 to 3.5 and 3.5 to 4.5. Kinds by
-    number, as in `OBSTACLE_KINDS`.
+    Outer edges of the outermost pixels of which a sample shows it: a thing of one pixel (3, 4) spans 2.5 to
+    3.5 and 3.5 to 4.5. Kinds by number, as in `OBSTACLE_KINDS`.
     """
 
     instance: Annotated[
@@ -80,8 +99,25 @@ class ImageBoxes(Signal, about=About("optical", seen_as=_SEEN)):
     top: Annotated[F64, Quantity("", "edge of its box [px]", _N, span=PIXEL)]
     right: Annotated[F64, Quantity("", "edge of its box [px]", _N, span=PIXEL)]
     bottom: Annotated[F64, Quantity("", "edge of its box [px]", _N, span=PIXEL)]
-    area: Annotated[F64, Quantity("", "pixels that show it", _N, span=PIXELS)]
-    distance: Annotated[F64, Quantity("m", "of its nearest pixel, along the optical axis", _N, span=SIGHT)]
+    area: Annotated[F64, Quantity("", "pixels that show it, in parts", _N, span=PIXELS)]
+    distance: Annotated[F64, Quantity("m", "of its nearest sample, along the optical axis", _N, span=SIGHT)]
+
+
+@frozen
+class ImageShares(
+    Signal, about=About("optical", samples="full", seen_as="file `scan.camera.npz` of `swath scan`")
+):
+    """What share of the light of each pixel comes from each thing of a picture: the truth, as soft masks.
+
+    Of the samples that the picture is made of, and through the same lens: over all pixels the shares of a
+    thing add up to its `area`, but for what the lens takes across the border. The channel `instance` follows
+    from the samples by a vote: of a pixel it is what most of them show, of equals the nearest.
+    """
+
+    width: Annotated[int, Quantity("", "of the image [px]", span=CODE16)]
+    height: Annotated[int, Quantity("", "of the image [px]", span=CODE16)]
+    instance: Annotated[F64, Quantity("", "its number in the channel `instance`", ("things",), span=CODE16)]
+    share: Annotated[F32, Quantity("1", "of the light of a pixel", ("height", "width", "things"), span=SHARE)]
 
 
 class Intrinsics(Protocol):
@@ -119,6 +155,8 @@ def empty_image(
     *,
     exposure: float = 0.0,
     gain: float = 1.0,
+    black: float = nan,
+    white: float = nan,
     **filled: Any,
 ) -> Image:
     """An image with the channels in `filled`; those in `channels` are black and show nothing; read-only."""
@@ -135,4 +173,4 @@ def empty_image(
     for array in made.values():
         array.setflags(write=False)
     geometry = camera.width, camera.height, camera.focal, camera.centre_x, camera.centre_y
-    return Image(t, *geometry, **made, exposure=exposure, gain=gain)
+    return Image(t, *geometry, **made, exposure=exposure, gain=gain, black=black, white=white)

@@ -43,7 +43,7 @@ from swath.field.site_setup import SiteSetup
 from swath.sensing import BRIGHTEST, CAMERA
 from swath.sensing.camera.camera_sheet import CameraSheet, load_camera
 from swath.sensing.camera.pinhole import Pinhole
-from swath.sensing.camera.rays import Channel, SceneCamera, SceneParams, Sight
+from swath.sensing.camera.rays import Channel, SceneCamera, SceneParams, Sight, diffraction_mtf
 from swath.sensing.camera.shading import FULL, WAVELENGTHS, encode
 from swath.sensing.mount import poses_at
 from swath.signals import F64, MachineState
@@ -142,7 +142,7 @@ STEP_MAX = 4.0  # most that the exposure changes from picture to picture
 class Params(SceneParams):
     """A camera with lens and sensor.
 
-    samples_per_pixel: samples on a grid within the pixel
+    samples_per_pixel: samples spread over the pixel
     channels: what an image holds
     sensor: name in data/sensors, or the user's own YAML
     binning: side of the squares of pixels whose mean is one pixel of the picture. Of a colour sensor each
@@ -151,7 +151,8 @@ class Params(SceneParams):
     height_px: height of the picture, the middle of the sensor; none = all of it
     distortion: `data_sheet` = distortion of the lens as in the data sheet, or `none`
     noise: `data_sheet` = noise as in the data sheet, or `none`
-    blur: `data_sheet` = blur as in the data sheet; `none` = all rows and samples are at one time
+    blur: `data_sheet` = blur as in the data sheet, and by diffraction at its f-number; `none` = all rows and
+        samples are at one time, behind a lens without blur
     exposure_ms: fixed exposure time; none = controlled
     target_percent: mean of a picture that the control wants, of the largest digital number
     damping: share of the wanted change of exposure, in stops, that the control makes from picture to picture
@@ -188,6 +189,8 @@ class ErrorCamera(SceneCamera):
         self.size = _size(params, binned)
         self._row_time = self.sheet.readout / max(binned.height - 1, 1)
         lens = self.sheet.optics if params.distortion == "data_sheet" else Lens()
+        if params.blur == "data_sheet":
+            self.mtf = diffraction_mtf(WAVELENGTHS[1], binned.f_number, binned.pixel)
         super().__init__(params, setup, Pinhole.centred(self.size[1], self.size[0], binned.focal_px, lens))
         self.planes = [
             ImageSensor(self.sheet.mean_of(count), self.size, is_noisy=params.noise == "data_sheet")

@@ -92,7 +92,13 @@ class Instances:
 
     def part(self, hits: Hits) -> NDArray[np.int64]:
         """Part that each ray met, 0 = no thing."""
-        return np.where(hits.organ == Organ.SOLID, hits.reflectance, 0.0).astype(np.int64)
+        found = np.zeros(hits.organ.shape, np.int64)
+        found[hits.organ == Organ.SOLID] = hits.reflectance[hits.organ == Organ.SOLID]
+        return found
+
+    def owners(self, hits: Hits) -> NDArray[np.uint16]:
+        """Instance that each ray met, 0 = none."""
+        return self.owner[self.part(hits)]
 
 
 def instances_of(seen: Sequence[Sighted]) -> Instances:

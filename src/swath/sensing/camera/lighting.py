@@ -165,7 +165,8 @@ class Lighting:
             away = np.linalg.norm(on.points - pose.position, axis=1)
             lux = lamp.lux(pose, on.points) * cosine * portable.exp(-self.setup.extinction * away)
             lit += lux[:, None] * day.lux
-        light[seen] = colours * lit
+        lit *= colours
+        light[seen] = lit
         if self.setup.extinction > 0.0 or self._is_dusty:
             self._through_air(light, hits, starts, directions)
         return light

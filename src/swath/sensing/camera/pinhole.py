@@ -45,15 +45,19 @@ class Pinhole:
     def rays(self, per_side: int = 1) -> F64:
         """Unit directions that the image's samples look in, in the optical frame.
 
-        Shape (height * per_side, width * per_side, 3): an even grid, per_side x per_side samples in a pixel.
+        Shape (height * per_side, width * per_side, 3): in each pixel per_side x per_side samples, one in each
+        cell of a grid, no two in a column or a row (Chiu, Shirley and Wang, Multi-jittered sampling, Graphics
+        Gems IV, 1994, without jitter).
         """
         return _rays(self, per_side)
 
     def _own_rays(self, per_side: int) -> F64:
-        u = (np.arange(self.width * per_side) + 0.5) / per_side - 0.5
-        v = (np.arange(self.height * per_side) + 0.5) / per_side - 0.5
-        x, y = np.meshgrid((u - self.centre_x) / self.focal, (v - self.centre_y) / self.focal)
-        return self.lens.directions(np.stack([x, y], axis=-1))
+        i, j = np.indices((self.height * per_side, self.width * per_side), sparse=True)
+        within = (np.arange(per_side) + 0.5) / per_side  # of a cell
+        u = (j + within[i % per_side]) / per_side - 0.5
+        v = (i + within[j % per_side]) / per_side - 0.5
+        at = (u - self.centre_x) / self.focal, (v - self.centre_y) / self.focal
+        return self.lens.directions(np.stack(at, axis=-1))
 
     def project(self, points: Any) -> F64:
         """Where points (..., 3) of the optical frame appear, (u, v) [px], (..., 2), nan without an image."""

@@ -15,7 +15,7 @@ the exposure is left out.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import hypot, isqrt
+from math import acos, hypot, isqrt, pi, sqrt
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -28,9 +28,10 @@ from swath.core.frames import Pose
 from swath.core.lens import Lens
 from swath.core.random import Stream
 from swath.core.registry import Level
+from swath.core.signal import Signal
 from swath.core.units import DEG, PERCENT
 from swath.field.light import light
-from swath.field.memory_layout import Solids
+from swath.field.memory_layout import Organ, Solids
 from swath.field.site_setup import SiteSetup
 from swath.field.solid.contact import bounds, parts_of
 from swath.field.weather import GREEN, Sun
@@ -47,7 +48,7 @@ from swath.sensing.camera.shading import Daylight, encode
 from swath.sensing.echo import Weather
 from swath.sensing.mount import Mount, poses_at
 from swath.signals import F64, OBSTACLE_KINDS, Image, MachineState
-from swath.signals.image import ImageBoxes, empty_image
+from swath.signals.image import ImageBoxes, ImageShares, empty_image
 
 Moving = tuple[Solids, F64]  # what a thing consists of, and its velocity (3,) [m/s]
 ROOM = 1.1  # of the ball around a thing in which rays are looked for
@@ -100,25 +101,25 @@ def _near(solids: Solids, velocity: F64, starts: F64, directions: F64, late: F64
 
 
 def boxes_of(
-    t: int, instance: NDArray[np.uint16], depth: NDArray[np.float32], things: Instances
+    t: int, owner: NDArray[np.uint16], depth: NDArray[np.float32], things: Instances, per_side: int
 ) -> ImageBoxes:
-    """The boxes of all things that at least one pixel (height, width) shows."""
-    v, u = np.nonzero(instance)
+    """The boxes of all things that at least one sample (rows, columns) shows."""
+    v, u = np.nonzero(owner)
     if len(v) == 0:
         return no_boxes(t)
-    number = instance[v, u].astype(np.int64)
+    number = owner[v, u].astype(np.int64)
     size = len(things.names) + 1
     low, high = (np.full((2, size), end) for end in (np.inf, -np.inf))
     near = np.full(size, np.inf)
-    for axis, at in enumerate((u, v)):
+    for axis, at in enumerate((u // per_side, v // per_side)):
         np.minimum.at(low[axis], number, at)
         np.maximum.at(high[axis], number, at)
     np.minimum.at(near, number, depth[v, u])
-    area = np.bincount(number, minlength=size)
-    seen = np.flatnonzero(area)
+    count = np.bincount(number, minlength=size)
+    seen = np.flatnonzero(count)
     kind = [OBSTACLE_KINDS.index(things.kinds[k - 1]) for k in seen.tolist()]
     edges = low[0, seen] - 0.5, low[1, seen] - 0.5, high[0, seen] + 0.5, high[1, seen] + 0.5
-    columns = (seen.astype(np.float64), np.array(kind, np.uint8), *edges, area[seen].astype(np.float64))
+    columns = (seen.astype(np.float64), np.array(kind, np.uint8), *edges, count[seen] / per_side**2)
     return ImageBoxes(t, *columns, near[seen])
 
 
@@ -139,9 +140,10 @@ class SceneParams:
     """The camera's place and what it sees.
 
     mount: where the camera sits; its x axis is the optical axis
-    samples_per_pixel: samples on a grid within the pixel: its colour is their mean; depth, label and instance
-        are those of the nearest
+    samples_per_pixel: samples spread over the pixel: its colour is their mean; label and instance are what
+        most of them show, depth that of the nearest which shows it
     channels: what an image holds
+    shares: whether `shares` is an output: how much of each pixel each thing fills
     reach_m: distance up to which rays are followed; what lies beyond is sky or far crop
     sun_azimuth_deg: direction of the sun, clockwise from north; none = that of field.weather, else 200
     sun_elevation_deg: elevation of the sun, none = that of field.weather, else 45; below the horizon, down to
@@ -160,6 +162,7 @@ class SceneParams:
     mount: Mount = field(default_factory=Mount)
     samples_per_pixel: Literal[1, 4, 9, 16] = 1
     channels: Annotated[tuple[Channel, ...], MinLen(1)] = ("colour", "depth", "label")
+    shares: bool = False
     reach_m: Annotated[float, Gt(0), Le(200)] = 60.0
     sun_azimuth_deg: Annotated[float, Ge(-360), Le(360)] | None = None
     sun_elevation_deg: Annotated[float, Ge(-12), Le(90)] | None = None
@@ -209,9 +212,10 @@ class SceneCamera(KeepsState):
     """A camera on a machine: what every level shares. A level makes its outputs in `picture`.
 
     pinhole: its intrinsics; mounting, optical: pose_machine_sensor of the body frame (x forward) and of the
-        optical frame (z forward)
+        optical frame (z forward); mtf: of the lens, as `through_lens` takes it
     """
 
+    mtf = 1.0
     kept: ClassVar[tuple[str, ...]] = ("_last", "_casts")
 
     def __init__(self, params: SceneParams, setup: SiteSetup, pinhole: Pinhole) -> None:
@@ -241,7 +245,8 @@ class SceneCamera(KeepsState):
         self._casts = 0
         self._last: MachineState | None = None
         self.inputs = (Port("state", MachineState, history=True),)
-        self.outputs = (Port("image", Image), Port("boxes", ImageBoxes))
+        more = (Port("shares", ImageShares),) if params.shares else ()
+        self.outputs = (Port("image", Image), Port("boxes", ImageBoxes), *more)
 
     def sky(self, t: int) -> tuple[Sun, float]:
         """The sun, and the cloud cover from 0 to 1, at a time of the run [ns]: its own keys win."""
@@ -293,7 +298,8 @@ class SceneCamera(KeepsState):
     def reset(self, stream: Stream) -> Outputs:
         """A black image that shows nothing."""
         self._last, self._casts, self._lighting.ray_count = None, 0, 0
-        return {"image": empty_image(0, self.pinhole, self.params.channels), "boxes": no_boxes(0)}
+        made = {"image": empty_image(0, self.pinhole, self.params.channels), "boxes": no_boxes(0)}
+        return made | self._shares(0, np.zeros(0), np.zeros((0, 0), np.uint16))
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The image at t + dt, and where things are in it."""
@@ -353,22 +359,39 @@ class SceneCamera(KeepsState):
             self._lighting.setup = self._light_setup(t)
         lamps = [(w, seen.pose @ pose) for w, pose in self._lamps]
         rays = seen.hits, seen.origins, seen.directions
-        every = self._lighting.light(*rays, seen.things, self.caster, t, lamps)
-        return np.asarray(cells(every, self.per_side).mean(axis=2))
+        return self.pixels(self._lighting.light(*rays, seen.things, self.caster, t, lamps))
+
+    def pixels(self, samples: NDArray[Any]) -> F64:
+        """What pixels (height, width, ...) take in of samples (rows, columns, ...)."""
+        return through_lens(cells(samples, self.per_side).mean(axis=0, dtype=np.float64), self.mtf)
 
     def outputs_of(self, t: int, seen: Sight, **channels: Any) -> Outputs:
-        """The outputs with these channels and those of the samples, of each pixel the nearest."""
-        depth = cells(seen.depth, self.per_side)
-        nearest = np.where(np.isnan(depth), np.inf, depth).argmin(axis=2)[..., None]
-        parts = seen.things.owner[seen.things.part(seen.hits)]
-        wide = {"depth": depth, "label": cells(seen.hits.organ, self.per_side)}
-        wide["instance"] = cells(parts, self.per_side)
-        own = {name: np.take_along_axis(a, nearest, axis=2)[..., 0] for name, a in wide.items()}
-        for name in ("depth", "label", "instance"):
+        """The outputs with these channels and those of the samples: what most of a pixel's samples show, of
+        equals the nearest.
+        """
+        owner = seen.things.owners(seen.hits)
+        boxes = boxes_of(t, owner, seen.depth, seen.things, self.per_side)
+        own: dict[str, NDArray[Any]] = {"depth": seen.depth, "label": seen.hits.organ, "instance": owner}
+        wide = {name: cells(array, self.per_side) for name, array in own.items()}
+        things = wide["instance"].astype(np.int32)
+        shown = np.where(things > 0, len(Organ) + things, wide["label"])
+        votes = np.array([(shown == one).sum(axis=0) for one in shown])
+        far = np.where(np.isnan(wide["depth"]), 2.0 * self.params.reach_m, wide["depth"])
+        chosen = np.where(votes == votes.max(axis=0), far, np.inf).argmin(axis=0)[None]
+        for name, array in wide.items():
             if name in self.params.channels:
-                channels.setdefault(name, own[name])
+                channels.setdefault(name, np.take_along_axis(array, chosen, axis=0)[0])
         image = empty_image(t, self.pinhole, (), **channels)
-        return {"image": image, "boxes": boxes_of(t, own["instance"], own["depth"], seen.things)}
+        return {"image": image, "boxes": boxes} | self._shares(t, boxes.instance, owner)
+
+    def _shares(self, t: int, numbers: F64, owner: NDArray[np.uint16]) -> dict[str, Signal]:
+        """The output `shares` of things where it is asked for. owner: of the samples (rows, columns)."""
+        if not self.params.shares:
+            return {}
+        share = np.empty((self.pinhole.height, self.pinhole.width, len(numbers)), np.float32)
+        for k, number in enumerate(numbers):
+            share[..., k] = self.pixels(owner == number)
+        return {"shares": ImageShares(t, self.pinhole.width, self.pinhole.height, numbers, share)}
 
 
 class RaysCamera(SceneCamera):
@@ -404,10 +427,33 @@ def check_samples(pinhole: Pinhole, per_pixel: int) -> None:
 
 
 def cells(samples: NDArray[Any], per_side: int) -> NDArray[Any]:
-    """Samples (rows, columns, ...) by pixel: (height, width, per_side^2, ...)."""
+    """Samples (rows, columns, ...) by pixel: (per_side^2, height, width, ...)."""
     rows, columns, *rest = samples.shape
-    cut = samples.reshape(rows // per_side, per_side, columns // per_side, per_side, *rest)
-    return cut.swapaxes(1, 2).reshape(rows // per_side, columns // per_side, per_side**2, *rest)
+    size = rows // per_side, columns // per_side
+    cut = samples.reshape(size[0], per_side, size[1], per_side, *rest)
+    return np.moveaxis(cut, (1, 3), (0, 1)).reshape(per_side**2, *size, *rest)
+
+
+def through_lens(pixels: F64, mtf: float) -> F64:
+    """Pixels (height, width, ...) through a lens that keeps the share mtf of a pattern that repeats every two
+    pixels (its MTF at the Nyquist frequency): each gives (1 - mtf) / 4 to both neighbours in its column, then
+    in its row, MTF 1 - (1 - mtf) sin^2(pi f); border pixels stand for what lies beyond.
+    """
+    if mtf == 1.0:
+        return pixels
+    aside = 0.25 * (1.0 - mtf)
+    wide = np.concatenate([pixels[:1], pixels, pixels[-1:]])
+    down = (1.0 - 2.0 * aside) * pixels + aside * (wide[:-2] + wide[2:])
+    wide = np.concatenate([down[:, :1], down, down[:, -1:]], axis=1)
+    return np.asarray((1.0 - 2.0 * aside) * down + aside * (wide[:, :-2] + wide[:, 2:]))
+
+
+def diffraction_mtf(wavelength: float, f_number: float, pixel: float) -> float:
+    """MTF at the Nyquist frequency 1 / (2 pixel) of a round lens without aberrations, all [m] but f_number
+    (Goodman, Introduction to Fourier Optics, 3rd ed., eq. 6-33).
+    """
+    part = 0.5 * wavelength * f_number / pixel
+    return 0.0 if part >= 1.0 else 2.0 / pi * (acos(part) - part * sqrt(1.0 - part * part))
 
 
 LEVEL = Level(

@@ -12,18 +12,19 @@ from a body 8.3 u^0.6 W/m2K go to the air (ASHRAE Handbook Fundamentals).
 None of these papers was read here, numbers of surfaces are estimates, no picture of a field was compared.
 
 What is seen: e B(Ts) + (1 - e) B(sky), B the integral of Planck's law, dimmed by the air as light is; each
-pixel has noise of the NETD, at 300 K. No lens, no drift, no blur. Channel `raw` is the apparent temperature
-in 0.01 K, `colour` the same from cold (black) to warm (white): by percentiles 1 and 99 of what is no sky, and
-half as much below them and as much above, so that what lives stands out of a ground that is nearly even.
+pixel takes the mean of its samples, and by diffraction of its neighbours', and has noise of the NETD, at
+300 K. No distortion, no drift. Channel `raw` is the apparent temperature in 0.01 K, `colour` the same from
+`black` to `white`: by percentiles 1 and 99 of what is no sky, and half as much below them and as much above,
+so that what lives stands out of a ground that is nearly even.
 """
 
 from dataclasses import dataclass, replace
 from functools import cache
 from math import sin, sqrt
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 
 from swath.core import portable
 from swath.core.component import Outputs
@@ -47,11 +48,12 @@ from swath.field.site_setup import SiteSetup
 from swath.field.weather import KELVIN, Air
 from swath.sensing import BRIGHTEST, CAMERA
 from swath.sensing.camera.lighting import CANOPY_COSINE
-from swath.sensing.camera.rays import Channel, SceneCamera, Sight, cells, pinhole_of
+from swath.sensing.camera.rays import Channel, SceneCamera, Sight, cells, diffraction_mtf, pinhole_of
 from swath.sensing.camera.rays import Params as PinholeParams
 from swath.signals import F64
 
 BAND = 8e-6, 14e-6  # [m]
+MIDDLE = 10e-6  # where a body at 290 K sends most [m]
 CENTIKELVIN = 100.0  # counts per kelvin of `raw`
 # absorbed of sunlight, emissivity at 8 to 14 um, share of the net radiation that goes elsewhere: estimates
 DRY = STRAW_ABSORBS, STRAW_EMITS, 0.05
@@ -65,16 +67,22 @@ class Params(PinholeParams):
     """A thermal camera: a class of uncooled bolometers. Keys of colour alone (texture, green_percent,
     orthophoto) change nothing.
 
+    samples_per_pixel: samples spread over the pixel
     width_px: width of the image
     height_px: height of the image
     channels: what an image holds
     netd_mk: noise equivalent temperature difference at 300 K, 50 is usual
+    f_number: of the lens, which blurs by diffraction at 10 um alone; 1.0 is usual
+    pixel_um: side of a pixel, which that blur is counted in; 12 is usual
     """
 
+    samples_per_pixel: Literal[1, 4, 9, 16] = 4
     width_px: Annotated[int, Ge(1), Le(8192)] = 640
     height_px: Annotated[int, Ge(1), Le(8192)] = 480
     channels: tuple[Channel, ...] = ("colour", "depth", "label", "raw")
     netd_mk: Annotated[float, Ge(0), Le(5000)] = 50.0
+    f_number: Annotated[float, Gt(0), Le(20)] = 1.0
+    pixel_um: Annotated[float, Ge(3), Le(100)] = 12.0
 
 
 @dataclass(frozen=True)
@@ -138,7 +146,10 @@ def _table() -> tuple[F64, F64]:
 
 def exitance(temperature: F64 | float) -> F64:
     """Exitance of a black body at 8 to 14 um [W/m2] at temperatures [K]."""
-    return np.asarray(np.interp(temperature, *_table()))
+    known, table = _table()
+    at = np.clip((np.asarray(temperature) - known[0]) / (known[1] - known[0]), 0.0, len(known) - 1.001)
+    k = at.astype(np.int32)
+    return np.asarray(table[k] + (at - k) * (table[k + 1] - table[k]))
 
 
 def apparent(sent: F64) -> F64:
@@ -154,6 +165,7 @@ class ThermalCamera(SceneCamera):
 
     def __init__(self, params: Params, setup: SiteSetup) -> None:
         self._netd = 1e-3 * params.netd_mk
+        self.mtf = diffraction_mtf(MIDDLE, params.f_number, 1e-6 * params.pixel_um)
         super().__init__(params, setup, pinhole_of(params, Lens()))
         table = [SURFACES.get(organ, DRY) for organ in Organ]
         self._surfaces: F64 = np.array(table)
@@ -168,17 +180,17 @@ class ThermalCamera(SceneCamera):
         seen = self.sight(t, pose)
         return self.outputs_of(t, seen, **self._channels(t, seen))
 
-    def _channels(self, t: int, seen: Sight) -> dict[str, np.ndarray]:
-        kelvin = self.temperatures(t, seen)
-        wanted, found = self.params.channels, {}
+    def _channels(self, t: int, seen: Sight) -> dict[str, Any]:
+        kelvin, found = self.temperatures(t, seen), dict[str, Any]()
+        wanted = self.params.channels
         if "raw" in wanted:
             found["raw"] = np.clip(np.rint(CENTIKELVIN * kelvin), 0, 65535).astype(np.uint16)[..., None]
         if "colour" in wanted:
-            below = cells(seen.hits.is_hit | (seen.directions[..., 2] < 0.0), self.per_side).any(axis=2)
+            below = cells(seen.hits.is_hit | (seen.directions[..., 2] < 0.0), self.per_side).any(axis=0)
             low, high = np.percentile(kelvin[below] if below.any() else kelvin, (1.0, 99.0))
             spread = max(high - low, 1.0)
-            share = (kelvin - low + 0.5 * spread) / (2.5 * spread)
-            grey = np.clip(255.0 * share, 0, 255).astype(np.uint8)
+            found["black"], found["white"] = float(low - 0.5 * spread), float(low + 2.0 * spread)
+            grey = np.clip(255.0 / (2.5 * spread) * (kelvin - found["black"]), 0, 255).astype(np.uint8)
             found["colour"] = np.repeat(grey[..., None], 3, axis=2)
         return found
 
@@ -187,11 +199,12 @@ class ThermalCamera(SceneCamera):
         weather, (sun, cloud) = self.setup.field.weather, self.sky(t)
         air = replace(Air() if weather is None else weather.at(t), cloud=cloud)
         now = balance(air, sun.elevation, self.setup.field.crop_height)
-        sent = self._sent(t, seen, now)
-        clear = np.nan_to_num(seen.hits.distance.astype(float), nan=self.params.reach_m)
-        clear = portable.exp(-self._lighting.setup.extinction * clear)
-        sent = cells(clear * sent + (1.0 - clear) * exitance(now.air), self.per_side).mean(axis=2)
-        found = apparent(sent)
+        sent, extinction = self._sent(t, seen, now), self._lighting.setup.extinction
+        if extinction > 0.0:
+            clear = np.nan_to_num(seen.hits.distance.astype(float), nan=self.params.reach_m)
+            clear = portable.exp(-extinction * clear)
+            sent = clear * sent + (1.0 - clear) * exitance(now.air)
+        found = apparent(self.pixels(sent))
         slope = (exitance(found + 0.5) - exitance(found - 0.5)) / (exitance(300.5) - exitance(299.5))
         noise = self._stream.at(t).standard_normal(found.shape) if self._netd > 0.0 else 0.0
         return np.asarray(found + self._netd * noise / slope)
@@ -202,11 +215,13 @@ class ThermalCamera(SceneCamera):
         if self.setup.field.weather is not None:
             self._lighting.setup = self._light_setup(t)
         cosine = self._lighting.cosines(hits, seen.origins, seen.directions, things, self.caster, t)
-        absorbed, emissivity, lost = self._surfaces[hits.organ[hits.is_hit]].T
-        kelvin, part = now.surface(absorbed, emissivity, lost, cosine), things.part(hits)[hits.is_hit]
+        organ, owner = hits.organ[hits.is_hit], things.owners(hits)[hits.is_hit]
+        absorbed, emits, lost = self._surfaces.T
+        shade, sunlit = (now.surface(absorbed, emits, lost, np.array(sun)) for sun in (0.0, 1.0))
+        kelvin, emissivity = shade[organ] + (sunlit - shade)[organ] * cosine, emits[organ]
         for number, warm in enumerate(things.warm, start=1):
-            own = things.owner[part] == number
-            if warm is not None and own.any():
+            own = np.flatnonzero(owner == number)
+            if warm is not None and len(own):
                 emissivity[own] = warm.emissivity
                 skin = KELVIN + warm.skin
                 kelvin[own] = now.living(skin, warm.insulation, warm.emissivity, cosine[own])

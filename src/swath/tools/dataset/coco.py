@@ -4,7 +4,7 @@ Things (persons, vehicles ...) have an annotation each, with `iscrowd` 0; what c
 ...) has one per picture, with `iscrowd` 1. Masks are run lengths in columns, as pycocotools packs them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -42,10 +42,18 @@ def category_map(label: U8, instance: U16, kinds: tuple[str, ...]) -> U8:
     return np.where(instance > 0, things[instance], table[label]).astype(np.uint8)
 
 
-def annotations_of(instance: U16, categories: U8, kinds: tuple[str, ...]) -> list[dict[str, Any]]:
-    """One per thing, then one per kind of stuff; without `id` and `image_id`."""
+def annotations_of(
+    instance: U16, categories: U8, kinds: tuple[str, ...], areas: Mapping[int, float]
+) -> list[dict[str, Any]]:
+    """One per thing, then one per kind of stuff; without `id` and `image_id`.
+
+    areas: pixels that show the things by number, in parts: `share_area`
+    """
     numbers = np.flatnonzero(np.bincount(instance.ravel())[1:] >= LEAST_AREA) + 1
-    found = [_annotation(instance == n, category_of(kinds[n - 1]), 0) for n in numbers.tolist()]
+    found = [
+        {**_annotation(instance == n, category_of(kinds[n - 1]), 0), "instance": n, "share_area": areas[n]}
+        for n in numbers.tolist()
+    ]
     for name in STUFF:
         mask = categories == NAMES.index(name) + 1
         if mask.any():

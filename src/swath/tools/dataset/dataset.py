@@ -15,13 +15,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
-from math import cos, hypot, sin
+from math import cos, hypot, isfinite, sin
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 import swath
+from swath.core.component import Outputs
 from swath.core.errors import InputError, SwathError
 from swath.core.files.place import own_folder
 from swath.core.files.whole_file import write_whole
@@ -32,14 +33,14 @@ from swath.documents.json_file import read_object
 from swath.documents.packed import LARGEST_BYTES, readable
 from swath.documents.text_file import read_bytes
 from swath.field.solid.obstacles import SheetKind, SheetObstacle, things_of
+from swath.field.weather import KELVIN
 from swath.record.scan_messages import encoded
 from swath.runtime.assembly import assemble
 from swath.runtime.workers import Lost, in_workers
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.sensing.camera.pinhole import OPTICAL
-from swath.signals import F64, OBSTACLE_KINDS, Image
-from swath.signals.image import ImageBoxes
+from swath.signals import F64, OBSTACLE_KINDS
 from swath.tools.dataset.coco import CATEGORIES, NAMES, annotations_of, category_map, is_annotation, mask_of
 from swath.tools.scan.scan import first_of_kind
 
@@ -188,8 +189,8 @@ def part_of(out: Path, picture: int) -> Path:
 def make_scene(settings: Settings, out: Path, job: SceneJob) -> "list[int] | str":
     """Make the pictures of a job; what was wrong."""
     try:
-        for picture, image, boxes, info in _pictures(settings, job):
-            write_picture(out, picture, image, boxes, info)
+        for picture, seen, info in _pictures(settings, job):
+            write_picture(out, picture, seen, info)
     except SwathError as error:
         return str(error)
     return list(job.pictures)
@@ -208,7 +209,7 @@ def _is_written(key: str, written: set[str]) -> bool:
     return any(w == key or w.startswith(key + ".") for w in written)
 
 
-def _pictures(settings: Settings, job: SceneJob) -> Iterator[tuple[int, Image, ImageBoxes, dict[str, Any]]]:
+def _pictures(settings: Settings, job: SceneJob) -> Iterator[tuple[int, Outputs, dict[str, Any]]]:
     s = settings
     scenario = scenario_of(s, job.scene)
     scene = scene_of(s.seed, job.scene, s.machine, s.camera, varies=s.varies)
@@ -229,8 +230,8 @@ def _pictures(settings: Settings, job: SceneJob) -> Iterator[tuple[int, Image, I
                 wanted = things_of_view(s.seed, picture, eye, min(half, 1.2), camera.params.reach_m)
                 setup.bodies.set_things(things_of(wanted, setup.field))
             t = (picture % s.per_scene + 1) * BETWEEN
-            made = camera.picture_from(t, eye @ OPTICAL)
-            yield picture, made["image"], made["boxes"], {"scene": job.scene, "sets": [*scene.sets]}
+            seen = camera.picture_from(t, eye @ OPTICAL)
+            yield picture, seen, {"scene": job.scene, "sets": [*scene.sets]}
 
 
 def _eye(setup: Any, view: View) -> Pose:
@@ -270,14 +271,21 @@ def _lay_straw(setup: Any) -> None:
             setup.field.deposit_straw(np.array(corners), STRAW_KG_M, heading=heading)
 
 
-def write_picture(out: Path, picture: int, image: Image, boxes: ImageBoxes, info: dict[str, Any]) -> None:
-    """Picture, mask of categories, and last the annotations."""
+def write_picture(out: Path, picture: int, seen: Outputs, info: dict[str, Any]) -> None:
+    """Picture, mask of categories, shares of things, and last the annotations."""
+    image, boxes, shares = (cast(Any, seen[name]) for name in ("image", "boxes", "shares"))
     kinds = {int(n): OBSTACLE_KINDS[k] for n, k in zip(boxes.instance, boxes.kind, strict=True)}
     names = tuple(kinds.get(n, "other") for n in range(1, max(kinds, default=0) + 1))
     categories = category_map(image.label, image.instance, names)
     name = name_of(picture)
     write_whole(out / "images" / f"{name}.jpg", encoded(image.colour, "JPEG", quality=JPEG_QUALITY))
     write_whole(out / "masks" / f"{name}.png", encoded(categories, "PNG", compress_level=3))
+    held = io.BytesIO()
+    np.savez_compressed(held, share=shares.share, instance=shares.instance.astype(np.int64))
+    write_whole(out / "shares" / f"{name}.npz", held.getvalue())
+    if isfinite(image.black):
+        info = {"black_white_c": [image.black - KELVIN, image.white - KELVIN], **info}
+    areas = dict(zip(boxes.instance.astype(int).tolist(), boxes.area.tolist(), strict=True))
     entry = {
         "image": {
             "id": picture + 1,
@@ -291,7 +299,7 @@ def write_picture(out: Path, picture: int, image: Image, boxes: ImageBoxes, info
             "gain": image.gain,
             **info,
         },
-        "annotations": annotations_of(image.instance, categories, names),
+        "annotations": annotations_of(image.instance, categories, names, areas),
     }
     write_whole(part_of(out, picture), json.dumps(entry, separators=(",", ":")))
 
@@ -372,6 +380,7 @@ def settings_of(
         f"{machine}.{camera}.width_px={width}",
         f"{machine}.{camera}.height_px={height}",
         f"{machine}.{camera}.channels=[colour, label, instance]",
+        f"{machine}.{camera}.shares=true",
     )
     every = tuple(layered(own, usual, sets))
     read = load_scenario(scenario, sets=list(every))
@@ -405,7 +414,7 @@ def make_dataset(
     progress: given (pictures there, all of them)
     InputError where the folder holds a data set of other settings; SwathError where a picture cannot be made.
     """
-    for folder in ("images", "masks", "parts"):
+    for folder in ("images", "masks", "shares", "parts"):
         own_folder(out / folder)
     _check_same(settings, out)
     jobs = missing(settings, out)

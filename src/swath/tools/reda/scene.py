@@ -489,17 +489,19 @@ class ThermalSensor(Picture):
             width_px=WINDOW_PX,
             height_px=WINDOW_PX,
             focal_px=focal,
-            channels=("label", "instance", "raw"),
+            channels=("label", "raw"),
+            shares=True,
         )
         camera = thermal.ThermalCamera(params, self._scene.setup)
         camera.reset(self._scene.stream.child("thermal"))
-        image = camera.image_from(NS, Pose.from_euler(self._eye, yaw=yaw, pitch=pitch) @ OPTICAL)
-        kelvin, own = image.raw[..., 0] / thermal.CENTIKELVIN, image.instance > 0
-        around = kelvin[~own & (image.label > 0)]
-        if not own.any() or len(around) < WINDOW_PX:
+        out: Any = camera.picture_from(NS, Pose.from_euler(self._eye, yaw=yaw, pitch=pitch) @ OPTICAL)
+        image, area = out["image"], float(out["boxes"].area.sum())
+        kelvin, share = image.raw[..., 0] / thermal.CENTIKELVIN, out["shares"].share.sum(axis=2, dtype=float)
+        around = kelvin[(share == 0.0) & (image.label > 0)]
+        if not share.any() or len(around) < WINDOW_PX:
             return 0.0, 0.0
-        contrast = abs(float(kelvin[own].mean() - around.mean()))
-        return float(own.sum()) * (self._focal / focal) ** 2, contrast / max(float(around.std()), 0.01)
+        contrast = abs(float((share * kelvin).sum() / share.sum() - around.mean()))
+        return area * (self._focal / focal) ** 2, contrast / max(float(around.std()), 0.01)
 
 
 Sensor = LidarSensor | RadarSensor | CameraSensor | ThermalSensor

@@ -31,7 +31,7 @@ from swath.runtime.loop import drive
 from swath.runtime.world import Machine, World
 from swath.scenario.scenario import Scenario
 from swath.scenario.slots import kind_of
-from swath.signals import F32, F64, U8, Image, Scan, ScanTruth, Signal
+from swath.signals import F32, F64, U8, Image, ImageShares, Scan, ScanTruth, Signal
 from swath.signals.setup import MachineGeometry
 from swath.tools.scan.point_cloud import make_cloud, need_las, write_las, write_ply
 from swath.tools.scan.stand3d import COLOURS, GROUND, stand_figure
@@ -165,7 +165,7 @@ GAP = 4  # between the channels [px]
 OTHERS = {Organ.NONE: "#FFFFFF", Organ.GROUND: GROUND, Organ.STRAW: "#F5E9C8", Organ.SOLID: "#56606B"}
 
 
-def write_picture(folder: Path, image: Image) -> list[Path]:
+def write_picture(folder: Path, image: Image, shares: ImageShares | None = None) -> list[Path]:
     """Write both files; returns their paths. Colour, depth (near bright) and label, as far as it has them."""
     from matplotlib.image import imsave
 
@@ -191,6 +191,8 @@ def write_picture(folder: Path, image: Image) -> list[Path]:
         label=image.label,
         instance=image.instance,
         raw=image.raw,
+        black_white_k=np.array([image.black, image.white]),
+        **({} if shares is None else {"share": shares.share, "share_instance": shares.instance}),
         label_names=np.array([organ.name.lower() for organ in Organ]),
     )
     return [picture, arrays]
@@ -249,7 +251,9 @@ def scan_job(
         if camera:
             image = driven.latest(driven.camera, "image")
             assert isinstance(image, Image)
-            files += write_picture(out, image)
+            ports = [port.name for port in driven.machine.parts[driven.camera].outputs]
+            shares = driven.latest(driven.camera, "shares") if "shares" in ports else None
+            files += write_picture(out, image, shares if isinstance(shares, ImageShares) else None)
     return files
 
 
