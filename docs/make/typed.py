@@ -31,6 +31,7 @@ SAVED = re.compile(r"\b[Ss]ave\b[^`]*`([\w-]+\.(?:yaml|py))`[^`]*$")
 INSTALLED = re.compile(r"pip install\s+'swath\[([\w,]+)\]'")
 LONG = {  # over a minute: cut by the tests, typed whole by benchmarks/typed_lines.py
     "dataset straight --count 1000": "a second or two a picture",
+    "dataset straight --scans --count 20": "half a minute a drive",
     "paper": "twelve runs",
     "test run catalogue": "every case",
     "test search": "64 runs",
@@ -96,6 +97,8 @@ def shortened(words: list[str]) -> list[str]:
         case ["branch", _]:  # of a run that was shortened, too
             at = next(k for k, word in enumerate(words) if word in ("--at", "--at-s")) + 1
             return [*words[:at], "0.2", *words[at + 1 :]]
+        case ["dataset", _] if "--scans" in words:
+            return [*words, *sets, "--count", "2", "--workers", "1"]
         case ["dataset", _]:
             return [*words, "--count", "2", "--width", "64", "--height", "48", "--workers", "1"]
         case ["test", "run"] if "--odd" in words:

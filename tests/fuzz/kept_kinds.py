@@ -191,6 +191,21 @@ def _pictures(folder: Path) -> None:
     make_dataset(settings, folder / "out", workers=1)
 
 
+SCANS = (
+    *("--scans", "--count", "1", "--set", "run.distance_m=1", "--set", "run.max_duration_s=1"),
+    *("--set", "combine.lidar={level: empirical, step_deg: 5}"),
+)
+
+
+def _drives(folder: Path) -> None:
+    from swath.tools.dataset.scans import file_of, settings_of, write_drive
+
+    (folder / "out").mkdir()
+    settings = settings_of("straight", count=1, sets=tuple(SCANS[4::2]))
+    write_drive(settings, folder / "out", 0)
+    assert file_of(folder / "out", 0).is_file()
+
+
 def _drawn_jobs(folder: Path) -> Any:
     """How a job's hours spread, kept and gone on with."""
     from swath.fleet.files import read_job
@@ -323,6 +338,7 @@ def kept_kinds(known: dict[str, Kind]) -> dict[str, Kind]:
         "run-again": command(_saved, "run", "run/scenario.yaml", "--out", "run", "--quiet"),
         "own-crop": Kind(_crop, _read_scenario),
         "pictures": command(_pictures, "dataset", "straight", *PICTURES, "--out", "out"),
+        "drives": command(_drives, "dataset", "straight", *SCANS, "--out", "out"),
         "scan-kept": Kind(written("scan.of.txt", "straight, seed 1, at 0 s"), _scanned),
         "job-results": Kind(_results, _read_results),
         "drawn-jobs": Kind(_drawn_jobs, _drawn_jobs),

@@ -24,6 +24,7 @@ EXCEPTIONS = {
     "tools/function_test/odd/binding.py:axes": "names of buckets, by which results are kept",
     "tools/tune/tune.py:_check": "keys of a dict",
     "tools/dataset/dataset.py:scene_of": "keys of a scenario",
+    "tools/dataset/scans.py": "keys of a scenario, a name of a file",
     "tools/field_export/sdf.py": "a file for programs (SDF)",
     "tools/field_export/scene.py:known_ground": "an option that can be typed as it stands",
     "tools/lab/comparison.py:write_table": "a table for programs (CSV)",

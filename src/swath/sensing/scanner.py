@@ -31,7 +31,7 @@ from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
 from swath.sensing.window import Params as WindowParams
 from swath.sensing.window import Window
-from swath.signals import F32, F64, MachineState, Scan, ScanTruth, WindowState, beam_directions
+from swath.signals import F32, F64, U8, MachineState, Scan, ScanTruth, WindowState, beam_directions
 
 FULL_DAY = 100_000.0  # light of a full day [lx]
 PULSE_BANDWIDTH = 0.44  # bandwidth times length of a gaussian pulse
@@ -421,6 +421,10 @@ class ScanningLidar(KeepsState, ABC):
     @abstractmethod
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
+
+    @abstractmethod
+    def labels(self) -> U8:
+        """What each echo of the newest scan is of (beam_count, echo_count), of `sensing.labels.Label`."""
 
     @property
     def _window(self) -> Window | None:

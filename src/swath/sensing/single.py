@@ -11,11 +11,13 @@ import numpy as np
 from swath.core import portable
 from swath.core.component import Outputs
 from swath.core.random import Stream
+from swath.field.site_setup import SiteSetup
 from swath.kernels import filled
 from swath.rays.single.buffers import BeamBuffer
 from swath.sensing.echo import AirBefore, Bundle, Receiver
+from swath.sensing.labels import OF_ORGAN, Label, changed, tell_own
 from swath.sensing.scanner import Scanner
-from swath.signals import F32, F64
+from swath.signals import F32, F64, U8, Mask
 
 ANY = -1
 NOTHING = -1
@@ -30,6 +32,7 @@ class SingleRays:
     by_signal: noise grows as the signal falls, where the data sheet says so
     scored: the caster wants the random numbers of the beams, noise or not
     rotations: of the sensor at each beam, (room, 3, 3)
+    in_air: beams of the newest sweep that end in the air (count,), None = none
     """
 
     def __init__(
@@ -57,6 +60,7 @@ class SingleRays:
         self._points = np.zeros((room, 1, 3))
         self._aim: Any = None
         self._report: Any = None
+        self.in_air: Mask | None = None
 
     def reset(self, stream: Stream) -> None:
         """Random numbers from this stream from now on; call it after the scanner's."""
@@ -107,8 +111,11 @@ class SingleRays:
         if self.scanner.noise.angle != 0.0:
             self._forward[: self.beams.count] = self.scanner.axes_at(t)[:, :, 0]
 
-    def disturb(self, air: AirBefore) -> None:
-        """What the air does to the newest sweep."""
+    def disturb(self, air: AirBefore | None) -> None:
+        """What the air does to the newest sweep, None = nothing."""
+        self.in_air = None
+        if air is None:
+            return
         beams, n = self.beams, self.beams.count
         met = (beams.kind[:n] > 0) & (beams.distance[:n] >= self.scanner.sheet.range_min)
         distance = np.where(met, beams.distance[:n], np.nan).astype(np.float64)
@@ -117,6 +124,7 @@ class SingleRays:
         distance, albedo = (
             a[:, 0] for a in air.between(bundle, Receiver(least_energy=self.scanner.least_energy))
         )
+        self.in_air = changed(bundle.distance[:, 0], distance)
         beams.distance[:n], beams.reflectance[:n], beams.cosine[:n] = distance, albedo, 1.0
         beams.kind[:n] = np.where(np.isnan(distance), 0, np.maximum(beams.kind[:n], FREE))
 
@@ -131,6 +139,15 @@ class SingleRays:
         return self.scanner.outputs_of(
             t, ranges, self._intensity[:n].copy(), self._points[:n].copy(), origins
         )
+
+    def labels(self, setup: SiteSetup, of_kind: U8 = OF_ORGAN) -> U8:
+        """Of the newest sweep (beam_count, 1), see `sensing/labels.py`. of_kind: label of what a beam met."""
+        beams, n = self.beams, self.beams.count
+        found = of_kind[beams.kind[:n]]
+        tell_own(found, beams.origins[:n], beams.directions[:n], beams.distance[:n], setup)
+        if self.in_air is not None:
+            found[self.in_air] = Label.DUST
+        return found[:, None]
 
     def _prepare_aim(self) -> Any:
         from swath.sensing.native.kernel import aim

@@ -67,7 +67,7 @@ class TruthEdge(KeepsState):
 
     def step(self, t: int, dt: int, inputs: Inputs) -> Outputs:
         """The edge at t + dt."""
-        x, y = self._follow(inputs["state"])
+        x, y = self.follow(inputs["state"])
         if len(y) < FEWEST:
             return {"edge": _no_edge(t + dt, self._p.reference_x_m)}
         at = self._reference(x, y)
@@ -92,7 +92,7 @@ class TruthEdge(KeepsState):
                 break
         return bend, slope, offset
 
-    def _follow(self, state: MachineState) -> tuple[F64, F64]:
+    def follow(self, state: MachineState) -> tuple[F64, F64]:
         """Places x, y [m] of the edge on the lines, from the first that shows it to its end, (n,)."""
         begin = self._end_y + self._out * self._half
         crop = crop_across(

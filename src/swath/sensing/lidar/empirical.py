@@ -36,7 +36,7 @@ from swath.sensing.lidar.sweeps import Sweeps
 from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.sensing.single import SingleRays
 from swath.sensing.tables import load_table, table_names, valid_range
-from swath.signals import F64, MachineState
+from swath.signals import F64, U8, MachineState
 
 MOST_SHOWN = 5  # keys in a note
 LOOKED_AT = 200  # echoes of a scan
@@ -169,6 +169,10 @@ class TableLidar(InWorlds, ScanningLidar):
         """
         about = [self._about_crop] if self._about_crop else []
         return [*self.scanner.notes, *about, *self._notes]
+
+    def labels(self) -> U8:
+        """Of the echoes of the newest scan."""
+        return self.rays.labels(self.setup)
 
     def note(self, clamped: int) -> None:
         """Note once what ranges of the table beams left. clamped: flags as of `BodyCaster.cast_beams`."""
@@ -350,8 +354,7 @@ class Scanners(Sweeps):
         beams, n = part.rays.beams, part.rays.beams.count
         met = np.where(beams.kind[:n] > 0, beams.distance[:n], np.nan)[:, None]
         air = part.air(t, beams.origins[:n], beams.directions[:n], met)
-        if air is not None:
-            part.rays.disturb(air)
+        part.rays.disturb(air)
         if (window := part.scanner.window) is not None:
             self.sent["window"].put(world, window.told)
 

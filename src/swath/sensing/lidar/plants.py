@@ -22,9 +22,10 @@ from swath.rays.hits import Spots
 from swath.sensing import AIR, RANGES, STEMS_SEEN
 from swath.sensing.beam import offsets_of, random_pattern, spot_pattern, turned_pattern
 from swath.sensing.echo import Bundle, EchoRule, Receiver, Within, merging_gap, receive
+from swath.sensing.labels import OF_ORGAN, Label, changed, of_echoes, tell_own
 from swath.sensing.lidar_sheet import load_lidar
 from swath.sensing.scanner import OutdoorParams, ScanningLidar
-from swath.signals import F64
+from swath.signals import F64, U8
 
 WIDE_ENOUGH = 0.9  # sub-rays that reach as far out, in radii of the spot, stand for the whole of it
 
@@ -72,6 +73,7 @@ class PlantsLidar(ScanningLidar):
         self.pattern = spot_pattern(params.sub_rays, self.sheet.beam.profile)
         self._offsets = offsets_of(self.sheet.beam, self.pattern.position[None])
         self.caster, self.sight = RayCaster(setup.field), self.scanner.sight()
+        self._newest: tuple[Spots, U8, F64, F64, F64] | None = None
 
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world.
@@ -93,14 +95,27 @@ class PlantsLidar(ScanningLidar):
             wet = darkened(reflectance, film)
             reflectance = np.where(hits.organ == Organ.SOLID, reflectance, wet)
         albedo = (reflectance * hits.cosine).astype(np.float64)
-        air = self.air(t, origins, axes[:, :, 0], distance)
+        air, met = self.air(t, origins, axes[:, :, 0], distance), distance
         receiver = replace(self.receiver, least_energy=self.scanner.least_energy)
         if air is not None:
             distance, albedo = air.between(Bundle(distance, weight, albedo), receiver)
         echoes = receive(Bundle(distance, weight, albedo), receiver)
         measured = self.scanner.noise.measure(echoes.distance, rng, echoes.signal)
         points = echoes.places(rays, distance)
+        self._newest = rays, hits.organ, met, distance, echoes.share
         return self.scanner.outputs_of(t, measured, echoes.intensity, points, origins)
+
+    def labels(self) -> U8:
+        """Of the echoes of the newest scan."""
+        if self._newest is None:
+            return np.zeros((len(self.azimuth), self.scanner.echo_count), np.uint8)
+        rays, organ, met, distance, share = self._newest
+        found, echoed = OF_ORGAN[organ], np.nonzero(share.any(axis=1))
+        own, (origins, directions) = found[echoed], rays.rays()
+        tell_own(own, origins[echoed], directions[echoed], met[echoed], self.setup)
+        found[echoed] = own
+        found[changed(met, distance)] = Label.DUST
+        return of_echoes(found, share)
 
     @property
     def notes(self) -> list[str]:

@@ -26,9 +26,10 @@ from swath.field.site_setup import SiteSetup
 from swath.rays.height_cells import UNTOUCHED
 from swath.rays.height_grid import TILE, HeightGrid, load_height_grid
 from swath.rays.heights import SOLID, UNMEASURED, HeightCaster
+from swath.sensing.labels import Label
 from swath.sensing.scanner import ScannerParams, ScanningLidar
 from swath.sensing.single import SingleRays
-from swath.signals import F64
+from swath.signals import F64, U8
 
 Ints = NDArray[np.int64]
 
@@ -119,6 +120,9 @@ DULL = 0.3  # intensity where the measurement had none, assumed
 Place = Annotated[float, Ge(-1e5), Le(1e5)]
 
 
+OF_MEASURED: U8 = np.array([Label.NONE, Label.UNKNOWN, Label.UNKNOWN, Label.OBSTACLE], np.uint8)  # by kind
+
+
 @dataclass(frozen=True)
 class Params(ScannerParams):
     """Heights that were measured.
@@ -195,6 +199,10 @@ class ReplayLidar(ScanningLidar):
         self.beam_count += n
         self.unmeasured_count += int(np.count_nonzero(beams.kind[:n] == UNMEASURED))
         return rays.report(t, origins)
+
+    def labels(self) -> U8:
+        """Of the echoes of the newest scan: what was measured is not known by name."""
+        return self.rays.labels(self.setup, OF_MEASURED)
 
     @property
     def notes(self) -> list[str]:

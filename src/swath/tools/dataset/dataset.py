@@ -80,8 +80,8 @@ class View:
     shift: Pose
 
 
-def scene_of(seed: int, number: int, machine: str, camera: str, *, varies: Sequence[str]) -> Scene:
-    """Scene number k of a seed. varies: of `terrain`, `stand`, `light`."""
+def scene_of(seed: int, number: int, machine: str, slot: str, *, varies: Sequence[str]) -> Scene:
+    """Scene number k of a seed. varies: of `terrain`, `stand`, `light`, and `dust` before a scanner."""
     draw = Stream(seed, "dataset.scene").at(number)
     u = draw.uniform(size=14).tolist()
     crop, density = CROPS[int(u[0] * len(CROPS))], DENSITIES[int(u[1] * len(DENSITIES))]
@@ -93,10 +93,12 @@ def scene_of(seed: int, number: int, machine: str, camera: str, *, varies: Seque
         grown = f"crop: {crop}, stems_per_m2: {density}, height_factor: {0.85 + 0.3 * u[6]:.2f}"
         patchy = f"density_variation: {{sd_percent: {15 * u[7]:.1f}}}"
         sets.append(f"field.stand={{level: maps, {grown}, {patchy}, lean_deg: {20 * u[5]:.1f}}}")
+    at, dust = f"{machine}.{slot}", 0.0 if u[9] < 0.7 else 0.002 * 15.0 ** ((u[9] - 0.7) / 0.3)
+    if "dust" in varies:
+        puffs = max(0.0, 0.25 * (u[8] - 0.6))
+        sets += [f"{at}.weather.extinction_per_m={dust:.4f}", f"{at}.weather.near_returns={puffs:.3f}"]
     if "light" in varies:
-        at = f"{machine}.{camera}"
         cloud = max(0.0, 180.0 * u[8] - 80.0)
-        dust = 0.0 if u[9] < 0.7 else 0.002 * 15.0 ** ((u[9] - 0.7) / 0.3)
         sets += [
             f"{at}.sun_azimuth_deg={360 * u[10]:.0f}",
             f"{at}.sun_elevation_deg={12 + 48 * u[11]:.0f}",
@@ -200,9 +202,14 @@ def scenario_of(settings: Settings, scene: int) -> Scenario:
     """The scenario of a scene: what varies, then the user's changes."""
     s = settings
     own = scene_of(s.seed, scene, s.machine, s.camera, varies=s.varies)
-    written = {text.split("=", 1)[0].strip() for text in s.sets}
-    varied = [text for text in own.sets if not _is_written(text.split("=", 1)[0], written)]
-    return load_scenario(s.scenario, sets=layered(varied, s.sets))
+    return varied_scenario(s.scenario, s.sets, own.sets)
+
+
+def varied_scenario(scenario: str, sets: Sequence[str], drawn: Sequence[str]) -> Scenario:
+    """A scenario with what was drawn where the user's changes do not say it, and these."""
+    written = {text.split("=", 1)[0].strip() for text in sets}
+    varied = [text for text in drawn if not _is_written(text.split("=", 1)[0], written)]
+    return load_scenario(scenario, sets=layered(varied, sets))
 
 
 def _is_written(key: str, written: set[str]) -> bool:
@@ -220,11 +227,11 @@ def _pictures(settings: Settings, job: SceneJob) -> Iterator[tuple[int, Outputs,
         camera = machine.parts[s.camera]
         setup = camera.setup
         if scene.straw and "stand" in s.varies:
-            _lay_straw(setup)
+            lay_straw(setup)
         for picture in job.pictures:
             camera.reset(Stream(s.seed, f"dataset.{slot}.{picture}"))
             view = view_of(s.seed, picture, picture % s.per_scene)
-            eye = _eye(setup, view) @ camera.mounting @ view.shift
+            eye = eye_of(setup, view) @ camera.mounting @ view.shift
             if "things" in s.varies:
                 half = float(np.arctan(0.5 * camera.pinhole.width / camera.pinhole.focal))
                 wanted = things_of_view(s.seed, picture, eye, min(half, 1.2), camera.params.reach_m)
@@ -234,7 +241,7 @@ def _pictures(settings: Settings, job: SceneJob) -> Iterator[tuple[int, Outputs,
             yield picture, seen, {"scene": job.scene, "sets": [*scene.sets]}
 
 
-def _eye(setup: Any, view: View) -> Pose:
+def eye_of(setup: Any, view: View) -> Pose:
     """pose_world_machine: along the edge from the start, and aside."""
     edge, start = setup.edge, setup.start
     if edge is None:
@@ -253,7 +260,7 @@ def _eye(setup: Any, view: View) -> Pose:
     return Pose.from_euler((x, y, float(setup.field.ground_height(x, y))), yaw=float(heading))
 
 
-def _lay_straw(setup: Any) -> None:
+def lay_straw(setup: Any) -> None:
     """A swath of straw where the pass before went, half a header beside the edge."""
     edge = setup.edge
     if edge is None:
@@ -416,7 +423,7 @@ def make_dataset(
     """
     for folder in ("images", "masks", "shares", "parts"):
         own_folder(out / folder)
-    _check_same(settings, out)
+    check_same(settings, out)
     jobs = missing(settings, out)
     there = settings.count - sum(len(job.pictures) for job in jobs)
     if progress is not None:
@@ -478,8 +485,8 @@ def join(settings: Settings, out: Path) -> Path:
     return write_whole(out / "annotations.json", json.dumps(whole, separators=(",", ":")))
 
 
-def _check_same(settings: Settings, out: Path) -> None:
-    """The folder's settings, but the count, are these; written where there are none."""
+def check_same(settings: Any, out: Path) -> None:
+    """The folder's settings, but the count, are these, a dataclass; written where there are none."""
     said = {**asdict(settings), "version": swath.__version__}
     del said["count"]
     said = json.loads(json.dumps(said))
