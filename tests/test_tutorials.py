@@ -20,6 +20,7 @@ PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 NEEDS = {
     "my-edge-detector": "optuna",
     "my-field": "rasterio",
+    "my-network": "onnxruntime",
     "my-function-test": "scipy",
     "my-odd": "openodd",
     "my-simulink-model": "pythonfmu",

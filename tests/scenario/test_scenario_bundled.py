@@ -57,7 +57,7 @@ def test_every_level_can_be_chosen_by_name_or_says_what_it_needs():
             except InputError as error:
                 refused.append((level, error.expected))
     missing = "expected a value, the key is missing"
-    needing = ["dem", "replay", "file"]
+    needing = ["dem", "replay", "file", "onnx", "onnx"]  # of edge and objects
     assert refused == [(level, missing) for level in needing]
 
 

@@ -41,6 +41,10 @@ def test_a_row_is_what_a_detector_is_given_and_the_truth_beside_it(made):
     assert np.nanmax(np.abs(east)) < 0.03
     assert np.isfinite(rows["edge_m"]).mean() > 0.9
     assert np.ptp(rows["odometry.speed"]) > 0.1
+    assert sum(change.startswith("field.seed=") for change in about["sets"]) == 1
+    assert not any(
+        change.startswith("combine.lidar=") for change in about["sets"]
+    )  # what was set is not drawn
 
 
 def test_the_class_in_the_docs_gives_rows(made):

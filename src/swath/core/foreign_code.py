@@ -2,8 +2,9 @@
 
 Nothing of somebody else's code is loaded but through here, and only what may run.
 
-Code is a Python file (a level, an evaluator, a law, a habit of a crop), an FMU, or a system of FMUs: it has
-the rights of the user, and a Python file runs already when it is read. None may run but what was allowed: all
+Code is a Python file (a level, an evaluator, a law, a habit of a crop), an FMU, a system of FMUs, or a
+network (ONNX), which a library in C++ carries out: it has the rights of the user, and a Python file runs
+already when it is read. None may run but what was allowed: all
 by `--allow-code` (`code=True` in Python), or single files by being named on the command line itself. Packages
 that are installed are loaded where a scenario names their level.
 
@@ -29,7 +30,7 @@ from typing import Any, Protocol, runtime_checkable
 from swath.core.ability import ByMembers
 from swath.core.errors import MIGRATED_BY, InputError, SwathError, reason_of
 
-SUFFIXES = (".py", ".fmu", ".ssp", ".ssd")
+SUFFIXES = (".py", ".fmu", ".ssp", ".ssd", ".onnx")
 USER_MODULE = "swath_user_"  # how the names of modules begin that were read from a user's file
 
 

@@ -437,8 +437,10 @@ def _site_setup(place: _Place, period: float, choice: SlotChoice | None = None) 
 
 def _mountings(place: _Place, choice: SlotChoice) -> dict[str, Pose]:
     """Input port -> mounting of the sensor of the same machine that is wired to it."""
-    own = f"{place.section.name}."
-    wired = {port: source.removeprefix(own) for port, (source, _) in choice.wires.items()}
+    own, declared = f"{place.section.name}.", getattr(choice.found.component, "inputs", ())
+    known = {port.name for port in declared} if isinstance(declared, tuple) else set()
+    left = {port for port in choice.kind.asked if port not in (*choice.common.wires, *known)}
+    wired = {port: source.removeprefix(own) for port, (source, _) in choice.wires.items() if port not in left}
     return {port: place.mountings[slot] for port, slot in wired.items() if slot in place.mountings}
 
 

@@ -195,6 +195,8 @@ def _wires(
     """
     wires = {}
     for port, (kind, output) in choice.kind.wires.items():
+        if choice.found.is_link and port in choice.kind.asked:
+            continue
         if kind.startswith(PEER):
             if (other := choice.common.peer or peer) is not None:
                 wires[port] = (f"{other}.{kind.removeprefix(PEER)}", output)

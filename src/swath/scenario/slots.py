@@ -77,6 +77,7 @@ class SlotKind:
     outputs: output ports that every level of it has
     more: output ports that some of its levels have
     wires: input port -> (slot kind, output port) of the same machine
+    asked: ports of wires that only a part gets which declares them, or where a scenario's wires name them
     is_control: knows the geometry of the machine, never the truth
     is_plural: a machine may have several of it, each named `kind_something`
     is_exchangeable: its level may change while a run goes on, it keeps nothing of motion and masses
@@ -90,6 +91,7 @@ class SlotKind:
     outputs: tuple[Port, ...]
     wires: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     more: tuple[Port, ...] = ()
+    asked: tuple[str, ...] = ()
     is_control: bool = False
     is_plural: bool = False
     is_exchangeable: bool = False
@@ -311,10 +313,12 @@ SLOTS: tuple[SlotKind, ...] = (
         {
             **_STATE,
             "scan": ("lidar", "scan"),
+            "image": ("camera", "image"),
             "odometry": ("odometry", "odometry"),
             "flow": ("header", "flow"),
             "inertial": ("imu", "inertial"),
         },
+        asked=("image",),
     ),
     _of_control(
         "objects",
@@ -325,10 +329,12 @@ SLOTS: tuple[SlotKind, ...] = (
         {
             **_STATE,
             "scan": ("lidar", "scan"),
+            "image": ("camera", "image"),
             "targets": ("radar", "targets"),
             "odometry": ("odometry", "odometry"),
             "edge": ("edge", "edge"),
         },
+        asked=("image",),
     ),
     _of_control(
         "ahead",

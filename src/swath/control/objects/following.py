@@ -16,6 +16,13 @@ from swath.signals.setup import ControlSetup
 FREE = 0.3  # ahead of the knife nothing is looked for, there the header moves [m]
 
 
+def on_ground(x: float, y: float, place: tuple[float, float, float]) -> tuple[float, float]:
+    """Where a point ahead and to the left of a machine lies. place: of that, x, y [m] and yaw [rad]."""
+    px, py, yaw = place
+    c, s = cos(yaw), sin(yaw)
+    return px + c * x - s * y, py + s * x + c * y
+
+
 class Following(KeepsState):
     """Follows things in the frame of its own dead reckoning since the start.
 

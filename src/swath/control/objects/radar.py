@@ -5,13 +5,13 @@ on a field can have, and a thing when several looks have shown it: so most false
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, sin
+from math import atan2, hypot
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from swath.control.objects.following import FREE, Following
+from swath.control.objects.following import FREE, Following, on_ground
 from swath.control.objects.track import Heap, Track
 from swath.core.component import Inputs, Outputs, Port
 from swath.core.registry import Level
@@ -98,9 +98,8 @@ class RadarObjects(Following):
 
 def _heap(point: F64, place: tuple[float, float, float]) -> Heap:
     """A detection over the ground, from a machine there."""
-    (x, y, z), (px, py, yaw) = point.tolist(), place
-    c, s = cos(yaw), sin(yaw)
-    return Heap(px + c * x - s * y, py + s * x + c * y, SIZE, SIZE, z)
+    x, y, z = point.tolist()
+    return Heap(*on_ground(x, y, place), SIZE, SIZE, z)
 
 
 LEVEL = Level(

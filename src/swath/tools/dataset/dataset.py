@@ -202,14 +202,13 @@ def scenario_of(settings: Settings, scene: int) -> Scenario:
     """The scenario of a scene: what varies, then the user's changes."""
     s = settings
     own = scene_of(s.seed, scene, s.machine, s.camera, varies=s.varies)
-    return varied_scenario(s.scenario, s.sets, own.sets)
+    return load_scenario(s.scenario, sets=layered(left_of(own.sets, s.sets), s.sets))
 
 
-def varied_scenario(scenario: str, sets: Sequence[str], drawn: Sequence[str]) -> Scenario:
-    """A scenario with what was drawn where the user's changes do not say it, and these."""
+def left_of(drawn: Sequence[str], sets: Sequence[str]) -> list[str]:
+    """What was drawn of a scenario, where the user's changes do not say it."""
     written = {text.split("=", 1)[0].strip() for text in sets}
-    varied = [text for text in drawn if not _is_written(text.split("=", 1)[0], written)]
-    return load_scenario(scenario, sets=layered(varied, sets))
+    return [text for text in drawn if not _is_written(text.split("=", 1)[0], written)]
 
 
 def _is_written(key: str, written: set[str]) -> bool:

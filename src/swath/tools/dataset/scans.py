@@ -30,7 +30,8 @@ from swath.runtime.assembly import assemble
 from swath.runtime.loop import ticks
 from swath.runtime.workers import Lost, in_workers
 from swath.runtime.world import World
-from swath.scenario.scenario import Scenario, load_scenario
+from swath.scenario.overrides import layered
+from swath.scenario.scenario import load_scenario
 from swath.sensing.edge.truth import Params as EdgeParams
 from swath.sensing.edge.truth import TruthEdge
 from swath.sensing.labels import Label
@@ -44,9 +45,9 @@ from swath.tools.dataset.dataset import (
     check_same,
     eye_of,
     lay_straw,
+    left_of,
     scene_of,
     things_of_view,
-    varied_scenario,
 )
 from swath.tools.scan.scan import scanning_machine
 
@@ -114,20 +115,21 @@ def settings_of(
     return Settings(scenario, sets, machine, lidar, tuple(varies), places, count, seed)
 
 
-def scenario_of(settings: Settings, drive: int) -> Scenario:
-    """The scenario of a drive: what varies, then the user's changes."""
+def drawn_of(settings: Settings, drive: int) -> list[str]:
+    """What was drawn of the scenario of a drive, where the user's changes do not say it."""
     s = settings
     own = [*scene_of(s.seed, drive, s.machine, s.lidar, varies=s.varies).sets]
     if "overlap" in s.varies:
         low, high = SPREAD
         drawn = Stream(s.seed, "dataset.overlap").at(drive).uniform(low, high)
         own.append(f"{s.machine}.steer.overlap_m={drawn:.3f}")
-    return varied_scenario(s.scenario, s.sets, own)
+    return left_of(own, s.sets)
 
 
 def rows_of(settings: Settings, drive: int, about: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The rows of a drive, a scan each. about: gets what all of them share."""
-    s, scenario = settings, scenario_of(settings, drive)
+    s, drawn = settings, drawn_of(settings, drive)
+    scenario = load_scenario(s.scenario, sets=layered(drawn, s.sets))
     with closing(assemble(scenario)) as world:
         machine = world.machines[s.machine]
         lidar, knife = machine.parts[s.lidar], machine.sheet.knife_x
@@ -137,7 +139,7 @@ def rows_of(settings: Settings, drive: int, about: dict[str, Any]) -> Iterator[d
         about |= {
             "drive": drive,
             "seed": scenario.seed,
-            "sets": [*scene_of(s.seed, drive, s.machine, s.lidar, varies=s.varies).sets],
+            "sets": drawn,
             "level": machine.slots[s.lidar].level,
             "labels": [label.name.lower() for label in Label],
             "azimuth_rad": lidar.azimuth.tolist(),

@@ -30,7 +30,7 @@ from swath.scenario.sections import Bounds
 from swath.scenario.slots import CATALOGUE as SLOTS
 from swath.scenario.versions import READ_BY
 
-SUFFIXES = (".py", ".yaml", ".fmu", ".csv", ".npz")  # of files that a case or a candidate names
+SUFFIXES = (".py", ".yaml", ".fmu", ".onnx", ".csv", ".npz")  # of files that a case or a candidate names
 FORMAT = "swath test case 1"
 MOST_RUNS = 1_000_000
 CATALOGUE = Path(str(files("swath.data") / "tests"))
