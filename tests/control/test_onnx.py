@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,6 +27,8 @@ from tests.networks import linear, save
 pytestmark = pytest.mark.usefixtures("code_allowed")
 AT = Pose.from_euler([3.0, 2.0, 2.4], pitch=0.3)
 STEP = NS // 25
+CAMERA = "{level: depth, width_px: 16, height_px: 12, rate_hz: 25, mount: {at: axle, x_m: 3, z_m: 3}}"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "my_edge_detector.py"
 EDGE = {"heading": 0.0, "reference_x": 9.0, "confidence": 0.8}
 
 
@@ -238,14 +241,28 @@ def test_without_the_extra_one_line_says_what_to_install(tmp_path, monkeypatch):
 @pytest.mark.parametrize("slot", ["edge", "objects"])
 def test_a_camera_is_wired_by_itself(slot, tmp_path):
     file = linear(tmp_path / "net.onnx", [12, 16], np.zeros((1, 192)), [5])
-    camera = "{level: depth, width_px: 16, height_px: 12, rate_hz: 25, mount: {at: axle, x_m: 3, z_m: 3}}"
     told = "offset: {tensor: y}, heading: 0, reference_x: 9, confidence: 1"
     if slot == "objects":
         told = "x: {tensor: y, add: 5}, y: 0, confidence: 1"
     level = f"{{level: onnx, file: {file}, inputs: {{x: {{field: image.depth}}}}, outputs: {{{told}}}}}"
-    sets = [f"combine.camera={camera}", f"combine.{slot}={level}", "run.max_duration_s=0.2"]
+    sets = [f"combine.camera={CAMERA}", f"combine.{slot}={level}", "run.max_duration_s=0.2"]
     world = assemble(load_scenario("straight", sets=sets))
     drive(world)
     got = world.graph.latest(f"combine.{slot}", slot)
     assert got.is_found if slot == "edge" else got.x[0] == pytest.approx(10.0, abs=0.2)
     world.close()
+
+
+@pytest.mark.parametrize("level", ["likelihood_ratio", "otsu", f"{EXAMPLE}:MyEdgeDetector"])
+def test_a_camera_beside_the_scanner_changes_nothing_for_others(level):
+    """A part that does not declare `image` knows the mounting of its one scanner, as without a camera."""
+    sets = [f"combine.camera={CAMERA}", f"combine.edge={level}"]
+    assemble(load_scenario("straight", sets=sets)).close()
+
+
+def test_links_get_pictures_where_they_ask_for_them():
+    sets = [f"combine.camera={CAMERA}", "combine.edge=ros2"]
+    wires = load_scenario("straight", sets=sets).machines["combine"].slots["edge"].wires
+    asked = load_scenario("straight", sets=[*sets, "combine.edge.wires={image: camera.image}"])
+    assert "image" not in wires
+    assert asked.machines["combine"].slots["edge"].wires["image"] == ("combine.camera", "image")
