@@ -75,12 +75,16 @@ def test_drives_differ_and_are_the_same_bytes_in_any_order(made, tmp_path):
 
 
 @pytest.mark.draws
-def test_a_scan_that_comes_late_has_labels_that_nobody_knows(tmp_path):
-    sets = (*FEW, "combine.lidar.fault={latency_ms: 200}")
+@pytest.mark.parametrize("fault", ["latency_ms: 200", "hold_s: [[0.5, 9]]"])
+def test_a_scan_that_is_not_the_newest_has_labels_that_nobody_knows(fault, tmp_path):
+    sets = (*FEW, f"combine.lidar.fault={{{fault}}}")
     assert write_drive(settings_of("straight", count=1, sets=sets), tmp_path, 0) == 0
     table = pq.read_table(file_of(tmp_path, 0))
-    assert set(np.unique(table["label"].combine_chunks().values.to_numpy())) <= {Label.NONE, Label.UNKNOWN}
-    assert np.allclose(table["t_s"].to_numpy() - table["scan_t_s"].to_numpy(), 0.2)
+    late = table["t_s"].to_numpy() > 0.52
+    labels = np.array(table["label"].to_pylist())[late]
+    assert set(np.unique(labels)) <= {Label.NONE, Label.UNKNOWN}
+    if "latency" in fault:
+        assert np.allclose(table["t_s"].to_numpy() - table["scan_t_s"].to_numpy(), 0.2)
 
 
 @pytest.mark.parametrize(
@@ -88,6 +92,7 @@ def test_a_scan_that_comes_late_has_labels_that_nobody_knows(tmp_path):
     [
         ({"count": 0}, "--count = 0: expected >= 1"),
         ({"count": 1, "places": (-1.0,)}, "--places-m"),
+        ({"count": 1, "sets": ("combine.lidar=ros2",)}, "expected a scanner that is simulated"),
         (
             {"count": 1, "sets": ("combine.lidar=off", "combine.edge=truth")},
             "expected a scenario with a machine",
@@ -119,3 +124,8 @@ def test_the_command_writes_drives(tmp_path, capsys):
     assert len(about["edge_x_m"]) == 2
     assert main([*command, "--width-px", "100"]) == 2
     assert "--width-px" in capsys.readouterr().err
+
+
+def test_a_row_crop_stays_one():
+    assert "stand" in settings_of("straight", count=1).varies
+    assert "stand" not in settings_of("forage-maize", count=1).varies

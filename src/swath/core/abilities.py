@@ -31,14 +31,6 @@ class HasRange(Protocol, metaclass=ByMembers):
 
 
 @runtime_checkable
-class LabelsEchoes(Protocol, metaclass=ByMembers):
-    """A scanner that knows what it met. labels: of each echo of its newest scan, (beam_count, echo_count)."""
-
-    def labels(self) -> Any:
-        """What each echo is of, of `sensing.labels.Label`."""
-
-
-@runtime_checkable
 class HasIdentity(Protocol, metaclass=ByMembers):
     """A sensor of a make. identity: what the device calls itself on its wire, empty = not known."""
 

@@ -26,6 +26,7 @@ from swath.field.weather import SUN_STEP_S
 from swath.rays.sight import Sight
 from swath.sensing.echo import LIGHT_SPEED, AirBefore, ScannerWeather, least_energy, merging_gap
 from swath.sensing.haze import haze_along
+from swath.sensing.labels import Label
 from swath.sensing.lidar_sheet import LidarSheet, load_lidar
 from swath.sensing.mount import Mount
 from swath.sensing.sweep import Sweep
@@ -422,9 +423,9 @@ class ScanningLidar(KeepsState, ABC):
     def scan_from(self, t: int, origins: F64, rotations: F64) -> Outputs:
         """A scan from sensor origins (beam_count, 3) and rotations (beam_count, 3, 3) in the world."""
 
-    @abstractmethod
     def labels(self) -> U8:
-        """What each echo of the newest scan is of (beam_count, echo_count), of `sensing.labels.Label`."""
+        """What each echo of the newest scan is of (beam_count, echo_count): a level that knows says it."""
+        return np.full((len(self.azimuth), self.scanner.echo_count), Label.UNKNOWN, np.uint8)
 
     @property
     def _window(self) -> Window | None:

@@ -40,6 +40,7 @@ from swath.sensing.scanner import OutdoorParams, ScanningLidar
 from swath.signals import F64, MachineState, Scan
 from swath.signals.flat import POSE, flat_fields, is_bulky, pose_number, read
 from swath.tools.dataset.dataset import (
+    CROPS,
     VARIED,
     View,
     check_same,
@@ -100,10 +101,13 @@ def settings_of(
     made = load_scenario(scenario, sets=list(sets))
     machine, lidar = scanning_machine(made)
     slots, own = made.machines[machine].slots, made.machines[machine].slots[lidar]
-    if not issubclass(own.found.component, ScanningLidar):
+    scanner = own.found.component
+    if not (isinstance(scanner, type) and issubclass(scanner, ScanningLidar)):
         raise InputError(f"{machine}.{lidar}.level", own.level, "expected a scanner that is simulated")
     varies = [part for part, of in VARIED.items() if getattr(getattr(made.field, part), "level", "") in of]
-    if issubclass(own.found.component, ReplayLidar):
+    if "stand" in varies and getattr(getattr(made.field.stand, "params", None), "crop", "") not in CROPS:
+        varies.remove("stand")  # a row crop stays one
+    if issubclass(scanner, ReplayLidar):
         varies = []  # heights that were measured stay as they are
     is_plain = own.level == "profile"  # a level that refuses whatever is not in its profile
     if isinstance(own.params, OutdoorParams) and not is_plain:
@@ -158,9 +162,11 @@ def rows_of(settings: Settings, drive: int, about: dict[str, Any]) -> Iterator[d
             scan = world.graph.latest(f"{s.machine}.{s.lidar}", "scan")
             state = world.graph.latest(f"{s.machine}.motion", "state")
             if isinstance(scan, Scan) and isinstance(state, MachineState) and scan.t > 0 and scan is not last:
-                last = scan
+                held = last if machine.slots[s.lidar].common.fault is not None else None
+                is_held = held is not None and np.array_equal(scan.ranges, held.ranges, equal_nan=True)
+                is_known, last = scan.t == state.t and not is_held, scan
                 numbers = {n: v for slot in told for n, v in _numbers(world, s.machine, slot).items()}
-                yield {**_row(scan, state, lidar), "edge_m": _edge(truth, state, places), **numbers}
+                yield {**_row(scan, state, lidar, is_known), "edge_m": _edge(truth, state, places), **numbers}
 
 
 def dress(settings: Settings, drive: int, lidar: ScanningLidar) -> None:
@@ -183,10 +189,10 @@ def dress(settings: Settings, drive: int, lidar: ScanningLidar) -> None:
     setup.bodies.set_things(things_of(tuple(found), setup.field))
 
 
-def _row(scan: Scan, state: MachineState, lidar: ScanningLidar) -> dict[str, Any]:
-    """What was sent and what it was of. A scan of another time than now has labels that nobody knows."""
+def _row(scan: Scan, state: MachineState, lidar: ScanningLidar, is_known: bool) -> dict[str, Any]:
+    """What was sent and what it was of, unless it was not the newest sweep."""
     heard = np.isfinite(scan.ranges)
-    label = lidar.labels() if scan.t == state.t else np.full(heard.shape, Label.UNKNOWN)
+    label = lidar.labels() if is_known else np.full(heard.shape, Label.UNKNOWN)
     points = lidar.mounting.apply(scan.points().reshape(-1, 3))
     return {
         "t_s": state.t / NS,
