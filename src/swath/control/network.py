@@ -51,6 +51,8 @@ class Into:
     none: what the network is given where a number is nan
     last: so many newest samples, the oldest first, on an axis before the others; none before the first
     channels: where the channels of a picture go
+
+    InputError for an sd of 0.
     """
 
     field: str
@@ -59,6 +61,10 @@ class Into:
     none: float = 0.0
     last: Annotated[int, Ge(1), Le(1000)] = 1
     channels: Literal["last", "first"] = "last"
+
+    def __post_init__(self) -> None:
+        if not np.all(np.asarray(self.sd)):
+            raise InputError("sd", self.sd, "expected numbers that are not 0")
 
     @property
     def port(self) -> str:
@@ -85,7 +91,10 @@ class From:
 
     def of(self, answer: Mapping[str, Array], key: str) -> F64:
         """The numbers (n,). InputError for an index that is not there."""
-        whole = np.asarray(answer[self.tensor], dtype=np.float64)
+        try:
+            whole = np.asarray(answer[self.tensor], dtype=np.float64)
+        except (TypeError, ValueError):  # texts, or lists of tensors
+            raise InputError(f"{key}.tensor", self.tensor, "expected a tensor of numbers") from None
         if self.index is not None:
             if whole.ndim == 0 or self.index >= whole.shape[-1]:
                 shape = f"{self.tensor} has shape {list(whole.shape)}"
@@ -108,7 +117,7 @@ class Network(KeepsState):
     ports: that it is fed from; mountings: by port pose_machine_sensor
     """
 
-    kept = ("_newest",)
+    kept = ("_newest", "_seen")
 
     def __init__(
         self, file: str, inputs: Mapping[str, Into], outputs: Told, mountings: Mapping[str, Pose]
@@ -155,7 +164,7 @@ class Network(KeepsState):
         for name, into in self._inputs.items():
             if into.port in new:
                 held = self._newest.setdefault(name, [])
-                held.append(self._values(into, new[into.port]))
+                held.append(self._values(name, new[into.port]))
                 del held[: -into.last]
         senses = [p.name for p in self.ports if p.name.partition("_")[0] in SEEN]
         return len(self._newest) == len(self._inputs) and any(name in new for name in senses or self._seen)
@@ -173,14 +182,20 @@ class Network(KeepsState):
             for field, told in self._told.items()
         }
 
-    def _values(self, into: Into, sample: Signal) -> Array:
+    def _values(self, name: str, sample: Signal) -> Array:
         """What a sample gives an input, nan as it is."""
+        into = self._inputs[name]
         field = into.field.partition(".")[2]
         if field == POINTS and isinstance(sample, Scan | Image):
             points = sample.points() if isinstance(sample, Scan) else _of_depth(sample)
             value = self._mountings[into.port].apply(points.reshape(-1, 3)).reshape(points.shape)
         else:
             value = np.asarray(read(sample, field), dtype=np.float64)
+        for key, numbers in (("mean", into.mean), ("sd", into.sd)):
+            wide = (value.shape or (1,))[-1]
+            if isinstance(numbers, list) and len(numbers) != wide:
+                expected = f"expected one number, or {wide} as on its last axis"
+                raise InputError(f"inputs.{name}.{key}", numbers, expected)
         value = (value - np.asarray(into.mean)) / np.asarray(into.sd)
         value = np.where(np.isnan(value), into.none, value)
         return np.moveaxis(value, -1, 0) if into.channels == "first" else value
