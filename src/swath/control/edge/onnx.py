@@ -14,7 +14,7 @@ It answers to every new scan or picture; until the next one its answer is held, 
 smoothed.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import erf, isfinite, sqrt
 from typing import Annotated
 
@@ -54,9 +54,9 @@ class Params:
     keep_s: time after the last scan or picture for which its answer is held
     """
 
-    file: str = field(kw_only=True)
-    inputs: dict[str, Into] = field(kw_only=True)
-    outputs: Told = field(kw_only=True)
+    file: str
+    inputs: dict[str, Into]
+    outputs: Told
     keep_s: Annotated[float, Gt(0), Le(10)] = 0.5
 
     @property

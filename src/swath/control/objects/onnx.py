@@ -10,7 +10,7 @@ A row of the network's tensors is a thing, in the machine's frame on the ground:
 taken to the ground here. Those that are not sure enough, beside the strip or behind the knife do not count.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import log
 from typing import Annotated
 
@@ -47,9 +47,9 @@ class Params:
     keep_s: time for which a thing is kept without being seen
     """
 
-    file: str = field(kw_only=True)
-    inputs: dict[str, Into] = field(kw_only=True)
-    outputs: Told = field(kw_only=True)
+    file: str
+    inputs: dict[str, Into]
+    outputs: Told
     least_confidence: Annotated[float, Gt(0), Lt(1)] = 0.5
     side_m: Annotated[float, Ge(0), Le(50)] = 8.0
     confirm: Annotated[int, Ge(1), Le(20)] = 2
