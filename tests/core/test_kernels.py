@@ -111,6 +111,6 @@ def test_a_kernel_that_many_threads_ask_for_at_once_is_loaded_once():
 def test_all_kernels_are_compiled_with_one_set_of_flags():
     """Warp compiles its headers anew for each other set: seconds of a first run."""
     source = Path(kernels.__file__).parent
-    own = re.compile(r"cpu_compiler_flags|optimization_level|\bmode\b[\"']: [\"'](debug|release)")
+    own = re.compile(r"cpu_compiler_flags|\boptimization_level|\bmode\b[\"']: [\"'](debug|release)")
     found = {path for path in source.rglob("*.py") if own.search(path.read_text(encoding="utf-8"))}
     assert found == {Path(kernels.__file__)}
