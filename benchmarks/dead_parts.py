@@ -32,7 +32,7 @@ from swath.signals import (
 from swath.signals.flat import build, flat_fields
 from swath.tools.function_test.case import CATALOGUE, read_case
 
-LEFT_OUT = {"terrain.dem", "lidar.replay", "field_map.file", "dust.plume"}
+LEFT_OUT = {"terrain.dem", "lidar.replay", "field_map.file", "edge.onnx", "objects.onnx", "dust.plume"}
 WHERE = {
     "forage-maize": "motion.kinematic header.fixed_height process.constant powertrain.ideal lidar.plants "
     "edge.otsu steer.stanley steering.actuator stand.uniform",
