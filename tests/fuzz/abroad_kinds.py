@@ -241,6 +241,25 @@ def _read_photo(folder: Path) -> Any:
     return Orthophoto("map.tif", folder, Origin(32632, 533000.0, 5304000.0))
 
 
+def _network(folder: Path) -> None:
+    from tests.networks import linear
+
+    linear(folder / "net.onnx", [4], np.eye(4)[:2], [0.5, -0.5])
+
+
+def _run_network(folder: Path) -> Any:
+    from swath.control.network import From, Into, Network
+    from swath.core.foreign_code import allow_code
+    from swath.signals import Odometry
+
+    with allow_code(None):
+        told = {"offset": From("y", index=0)}
+        made = Network(str(folder / "net.onnx"), {"x": Into("odometry.speed", last=4)}, told, {})
+    for n in range(4):
+        made.take({"odometry": Odometry(t=n + 1, speed=float(n), yaw_rate=0.0, steer_angle=0.0)})
+    return made.answer()["offset"].tolist()
+
+
 ABROAD: dict[str, Kind] = {
     "scenario-two-scanners": Kind(bundled("scenarios", "two-scanners"), lambda f: _load(f).resolved()),
     "scenario-unload": Kind(bundled("scenarios", "unload-on-the-go"), lambda f: _load(f).resolved()),
@@ -256,6 +275,7 @@ ABROAD: dict[str, Kind] = {
     "outline-kml": Kind(written("b.kml", KML), _outline),
     "outline-kmz": Kind(_kmz, _outline),
     "job": Kind(bundled("jobs", "small-field"), _read_fleet),
+    "network": Kind(_network, _run_network),
     "body-urdf": Kind(_urdf, _read_body),
     "body-sdf": Kind(written("m.sdf", SDF), _read_body),
     "sheet-camera": Kind(bundled("sensors", "camera-rolling-wide"), _camera),

@@ -116,6 +116,7 @@ FIRST = (  # kinds that come to all of it in the least time; the others are read
     "run-again",
     "run-folder",
     "scan-kept",
+    "network",
 )
 
 

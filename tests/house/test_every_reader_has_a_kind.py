@@ -8,7 +8,7 @@ import pytest
 
 from tests.fuzz.readers import NO_STRANGERS, PARTS_OF_SWATH, of_strangers, places
 
-for extra in ("rasterio", "trimesh", "asammdf", "can", "laspy", "openodd", "fmpy"):
+for extra in ("rasterio", "trimesh", "asammdf", "can", "laspy", "openodd", "fmpy", "onnx", "onnxruntime"):
     pytest.importorskip(extra)
 
 
