@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from swath.scenario.slots import FIELD_LEVELS, SLOT_NAMES
 from swath.scenario.versions import FORMAT
 
 Node = dict[str, Any]
+ECHOES = 7  # of the samples that flow into levels alone
 ENDS = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
 NEAR = 1e-6  # from an open end, relative to the span, or to 1
 ORGANS = {"process": "organs", "powertrain": "hydrostat", "crop_flow": "counted", "settings": "fixed"}
@@ -68,7 +70,15 @@ SMALL = {  # what takes little time
     },
     "lidar": {"sub_rays": 1, "step_deg": 2.0},
 }
+SEEN = {"x": {"field": "scan.ranges"}}
+NETWORKS = {  # what levels with a network give it and take from it
+    "edge.onnx": {"inputs": SEEN, "outputs": {"offset": {"tensor": "y", "index": 0}, "heading": {"tensor": "y",
+                  "index": 1}, "reference_x": 10.0, "confidence": 0.5}},
+    "objects.onnx": {"inputs": SEEN, "outputs": {"x": {"tensor": "y", "index": 0}, "y": {"tensor": "y",
+                     "index": 1}, "confidence": 0.5}},
+}  # fmt: skip
 FILES = {
+    **dict.fromkeys(NETWORKS, "net.onnx"),
     "terrain.dem": "dem.tif",
     "field_map.file": "map.tif",
     "stand.maps": "map.tif",
@@ -288,6 +298,10 @@ def files(folder: Path) -> None:
     faces = [(1, 2, 4, 3), (5, 6, 8, 7), (1, 2, 6, 5), (3, 4, 8, 7), (1, 3, 7, 5), (2, 4, 8, 6)]
     lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c} {d}" for a, b, c, d in faces]
     (folder / "box.obj").write_text("\n".join(lines) + "\n")
+    if find_spec("onnx"):
+        from tests.networks import linear
+
+        linear(folder / "net.onnx", [ECHOES], np.eye(ECHOES)[:2], [0.0, 0.0])
 
 
 @cache
@@ -342,4 +356,9 @@ def usual_part(slot: str, level: str) -> Node:
     """A level with the keys that it needs."""
     node = _of({"$ref": f"#/$defs/{slot}.{level}"})
     needed = {*node.get("required", ()), "level"} - {"rate_hz"}
-    return usual({**node, "required": sorted(needed)}) | small(slot, level) | {"level": level}
+    return (
+        usual({**node, "required": sorted(needed)})
+        | small(slot, level)
+        | NETWORKS.get(f"{slot}.{level}", {})
+        | {"level": level}
+    )
