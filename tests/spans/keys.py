@@ -71,12 +71,14 @@ SMALL = {  # what takes little time
     "lidar": {"sub_rays": 1, "step_deg": 2.0},
 }
 SEEN = {"x": {"field": "scan.ranges"}}
-NETWORKS = {  # what levels with a network give it and take from it
-    "edge.onnx": {"inputs": SEEN, "outputs": {"offset": {"tensor": "y", "index": 0}, "heading": {"tensor": "y",
-                  "index": 1}, "reference_x": 10.0, "confidence": 0.5}},
-    "objects.onnx": {"inputs": SEEN, "outputs": {"x": {"tensor": "y", "index": 0}, "y": {"tensor": "y",
-                     "index": 1}, "confidence": 0.5}},
-}  # fmt: skip
+FIRST, SECOND = ({"tensor": "y", "index": i} for i in (0, 1))
+NETWORKS: Node = {  # what levels with a network give it and take from it
+    "edge.onnx": {
+        "inputs": SEEN,
+        "outputs": {"offset": FIRST, "heading": SECOND, "reference_x": 10.0, "confidence": 0.5},
+    },
+    "objects.onnx": {"inputs": SEEN, "outputs": {"x": FIRST, "y": SECOND, "confidence": 0.5}},
+}
 FILES = {
     **dict.fromkeys(NETWORKS, "net.onnx"),
     "terrain.dem": "dem.tif",
