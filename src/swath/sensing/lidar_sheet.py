@@ -1,6 +1,6 @@
 """LiDAR data sheets: `data/sensors/*.yaml` as validated objects in SI."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Literal
@@ -125,6 +125,22 @@ class LidarSheet:
         rows = portable.log(self.signal_noise)
         by_signal = portable.exp(np.interp(ratio, rows[:, 0], rows[:, 1]))
         return np.asarray(np.maximum(sigma, by_signal), dtype=np.float64)
+
+    def instance(self, *, spot: float, noise: float) -> "LidarSheet":
+        """The same with a spot so many times as wide and range noise so many times as large."""
+        if spot == noise == 1.0:
+            return self
+        (across, along), (exit_across, exit_along) = self.spot.divergence_mrad, self.spot.exit_mm
+        wide = replace(
+            self.spot,
+            divergence_mrad=(spot * across, spot * along),
+            exit_mm=(spot * exit_across, spot * exit_along),
+        )
+        rows = (
+            [(at, noise * sigma) for at, sigma in pairs] for pairs in (self.noise_mm, self.noise_by_signal_mm)
+        )
+        by_range, by_signal = rows
+        return replace(self, spot=wide, noise_mm=by_range, noise_by_signal_mm=by_signal)
 
     def azimuths(self, first: float, last: float, step: float) -> F64:
         """Beam azimuths [rad] from first to last inclusive, centred in the sector when step does not fit."""

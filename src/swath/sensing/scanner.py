@@ -128,6 +128,8 @@ class Scanner:
         self.params, self.setup = params, setup
         self.echo_count = echo_count
         self.sheet = load_lidar(params.sensor, setup.base)
+        if isinstance(params, OutdoorParams):
+            self.sheet = self.sheet.instance(spot=params.spot_factor, noise=params.noise_factor)
         self.mounting = params.mount.pose(setup.machine, setup.edge_side)
         if self.mounting.position[2] <= 0:
             raise InputError("mount.z_m", params.mount.z_m, "expected a sensor above the ground")
@@ -317,6 +319,8 @@ class OutdoorParams(ScannerParams):
     """angle_noise_deg: one sigma of the beams' direction; none = the data sheet's.
 
     drop_out_percent: beams lost
+    spot_factor: width of the spot over the data sheet's [1]
+    noise_factor: range noise over the data sheet's, bias and resolution apart [1]
     weather: dust, chaff and rain in the air
     daylight: light in the receiver
     window: dust on its window; none = it stays clean
@@ -324,6 +328,8 @@ class OutdoorParams(ScannerParams):
 
     angle_noise_deg: Annotated[float, Ge(0), Le(5)] | None = None
     drop_out_percent: Annotated[float, Ge(0), Le(100)] = 0.0
+    spot_factor: Annotated[float, Gt(0), Le(10)] = 1.0
+    noise_factor: Annotated[float, Ge(0), Le(100)] = 1.0
     weather: ScannerWeather = field(default_factory=ScannerWeather)
     daylight: Daylight = field(default_factory=Daylight)
     window: WindowParams | None = None
