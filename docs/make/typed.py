@@ -38,6 +38,7 @@ LONG = {  # over a minute: cut by the tests, typed whole by benchmarks/typed_lin
     "test estimate": "2000 runs",
     "test plan-field": "128 runs",
     "tune bend": "some 600 runs",
+    "twin fit runs/one": "700 runs",
 }
 ELSEWHERE = {  # needs more than this machine: the test that does it
     "python examples/can/my_controller.py": "tests/whole/test_can_runs.py",
@@ -113,6 +114,10 @@ def shortened(words: list[str]) -> list[str]:
             return [*words, *sets, "--tries", "10", "--each", "1", "--proof", "10", "--workers", "1"]
         case ["test", "plan-field"]:
             return [*words, *sets, "--pairs", "8", "--runs", "2", "--workers", "1"]
+        case ["twin", "fit"] if "--still" not in words:
+            return [*words, "--runs", "40", "--workers", "1"]
+        case ["twin", "check"]:
+            return [*words, "--draws", "20", "--workers", "1"]
         case ["test", "search"]:
             return [*words, *sets, "--budget", "8", "--workers", "1"]
         case ["test", "estimate"]:
@@ -128,6 +133,7 @@ def allowed(words: list[str]) -> tuple[int, ...]:
         "branch": (0, 1, 3),
         "test": (0, 1, 3),
         "tune": (0, 1, 3, 4),
+        "twin": (0, 1, 3),
     }.get(words[0], (0,))
 
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from swath.core.files.whole_file import write_csv
+from swath.documents.json_file import read_object
 from swath.documents.text_file import read_text
 from swath.report.html import Table
+from swath.tools.compare_scans.compare import Comparison
 from swath.tools.function_test.case import Point
 
-EVIDENCE = "evidence.csv"
+EVIDENCE, CHECK = "evidence.csv", "check.json"
 SAID = ("pass", "conditions", "compared", "number", "value", "noise", "unit", "says", "file", "date", "note")
 ABOUT = (
     "Passes in a real field against the simulation at their conditions. Scans: Wasserstein-1 distance of the "
@@ -30,6 +32,23 @@ class Evidence:
 def write_evidence(folder: Path, found: Sequence[Evidence]) -> Path:
     """Write evidence.csv, which a dossier in the same folder shows."""
     return write_csv(folder / EVIDENCE, [row for each in found for row in each.rows], SAID)
+
+
+def scans_row(made: Comparison, measured: str) -> dict[str, object]:
+    """The row of a comparison of scans. measured: name of the recording."""
+    number = made.number("w1_m")
+    noise = number.spread[0] if number.spread else float("nan")
+    says = "differs" if number.difference > noise else "no difference shown"
+    return {"compared": "scans", "number": "heights, Wasserstein-1", "value": f"{number.difference:.4g}",
+            "noise": f"{noise:.4g}", "unit": "m", "says": says, "file": measured}  # fmt: skip
+
+
+def checked_rows(folder: Path) -> list[Mapping[str, object]]:
+    """The rows of a check of a twin (`swath twin check`) in a folder; none where there is no check."""
+    if not os.path.isfile(folder / CHECK):
+        return []
+    found: list[Mapping[str, object]] = read_object(folder / CHECK, "scans", "a check of a twin")["rows"]
+    return found
 
 
 def evidence_table(folder: Path) -> Table:

@@ -34,7 +34,7 @@ from swath.record.read.mcap_log import BROKEN
 from swath.record.read.scans import beam_times, cloud_points
 from swath.signals import F64
 from swath.tools.height_map.poses import PoseTrack, make_track
-from swath.tools.height_map.source import Echoes, Source, Wanted, polar_points
+from swath.tools.height_map.source import STILL, Echoes, Source, Wanted, polar_points
 
 FIX = "sensor_msgs/msg/NavSatFix"
 SCANS = ("sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2")
@@ -55,11 +55,14 @@ def open_bag(path: Path, wanted: Wanted) -> Source:
     if not topics:
         raise InputError("recording", path.name, "expected messages, there are none", file=path)
     scans = _choose("--scans", wanted.scans, topics, SCANS, ("/lidar/scan_points", "/lidar/scan"), path)
-    poses = _choose("--poses", wanted.poses, topics, POSES, ("/motion/state",), path)
+    is_posed = not wanted.is_still
+    poses = _choose("--poses", wanted.poses, topics, POSES, ("/motion/state",), path) if is_posed else ""
     links, first = static_links(reader, scans)
     context = Context(0.0, wanted.to_local, {} if wanted.mount else links)
     try:
-        if topics[poses] == FIX:
+        if wanted.is_still:
+            track, body = STILL, frame_of(first)
+        elif topics[poses] == FIX:
             body = ground_frame(links, frame_of(first)) or ""
             track = _track_of_fixes(reader, poses, wanted, context, links, body)
         else:

@@ -77,6 +77,7 @@ class Wanted:
     range_min, range_max [m]: other ranges are no echo
     to_local: longitude, latitude, height to local metres, None = the plane at the first fix
     antenna: x, y, z of the receiver on the machine [m], None = by /tf_static
+    is_still: nothing moved, there are no poses
     """
 
     scans: str | None = None
@@ -86,6 +87,10 @@ class Wanted:
     range_max: float = 200.0
     to_local: Callable[[F64], F64] | None = None
     antenna: tuple[float, float, float] | None = None
+    is_still: bool = False
+
+
+STILL = make_track([-1e11, 1e11], np.zeros((2, 3)), np.zeros((2, 3)))  # of what stands at one place
 
 
 def polar_points(ranges: F64, azimuth: F64, elevation: F64 | float = 0.0) -> F64:
@@ -111,7 +116,7 @@ def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     late = _array(data, "beam_time_s", (beams,), path, 0.0)
     intensity = _array(data, "intensity", ranges.shape, path, np.nan)
     silent = _array(data, "no_return", ranges.shape, path, 0.0) != 0.0
-    track = read_poses(poses) if poses is not None else _own_poses(data, time, path)
+    track = STILL if wanted.is_still else _own_poses(data, time, path) if poses is None else read_poses(poses)
 
     def sweeps() -> Iterator[Echoes]:
         for first in range(0, scans, SCANS_AT_ONCE):
@@ -136,7 +141,7 @@ def open_npz(path: Path, wanted: Wanted, poses: Path | None) -> Source:
 
 def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
     """A row per beam or point, read in blocks. InputError for missing columns or without a table of poses."""
-    if poses is None:
+    if poses is None and not wanted.is_still:
         raise InputError("--poses", None, "expected a table of poses beside a .csv of echoes", file=path)
     names = column_names(path)
     polar = ("range_m", "azimuth_deg")
@@ -145,7 +150,8 @@ def open_csv(path: Path, wanted: Wanted, poses: Path | None) -> Source:
         if name not in names:
             expected = "expected columns t_s and range_m, azimuth_deg, or x_m, y_m, z_m"
             raise InputError("columns", ", ".join(names), expected, file=path)
-    source = Source(path.name, read_poses(poses), wanted.mount or Pose.identity(), lambda: iter(()))
+    track = STILL if poses is None else read_poses(poses)
+    source = Source(path.name, track, wanted.mount or Pose.identity(), lambda: iter(()))
 
     def sweeps() -> Iterator[Echoes]:
         line, azimuth = 2, np.zeros(0)

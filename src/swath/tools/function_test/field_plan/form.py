@@ -14,7 +14,7 @@ from swath.documents.text_file import read_text
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario
 from swath.tools.function_test.case import Point, Scalar
-from swath.tools.function_test.evidence import Evidence
+from swath.tools.function_test.evidence import Evidence, checked_rows, scans_row
 from swath.tools.function_test.field_plan.plan import PAIRS, Planned
 from swath.tools.function_test.field_plan.seen import SCANS
 from swath.tools.function_test.one_run import scenario_of
@@ -149,7 +149,9 @@ def compared(planned: Planned, path: Path) -> list[Evidence]:
         about = {"pass": row["pass"], "conditions": ", ".join(f"{k} {v}" for k, v in point.items()),
                  "date": row.get("date", ""), "note": row.get("note", "")}  # fmt: skip
         rows: list[Mapping[str, object]] = []
-        if row["scans"]:
+        if row["scans"] and (known := checked_rows(path.parent / row["scans"])):
+            rows += [{**said, **{k: v for k, v in about.items() if v}} for said in known]
+        elif row["scans"]:
             out = planned.folder / DRIVEN / row["pass"]
             run_job(scenario, out, progress=False, hooks=[])
             rows += [{**about, **said} for said in _scans(path.parent / row["scans"], out)]
@@ -166,12 +168,7 @@ def _scans(measured: Path, simulated: Path) -> list[dict[str, object]]:
     from swath.tools.height_map.source import Wanted
 
     clouds = [read_cloud(each, Reading(Wanted())) for each in (measured, simulated)]
-    made = compare_clouds(*clouds, align="path")
-    number = made.number("w1_m")
-    noise = number.spread[0] if number.spread else float("nan")
-    says = "differs" if number.difference > noise else "no difference shown"
-    return [{"compared": "scans", "number": "heights, Wasserstein-1", "value": f"{number.difference:.4g}",
-             "noise": f"{noise:.4g}", "unit": "m", "says": says, "file": str(measured)}]  # fmt: skip
+    return [scans_row(compare_clouds(*clouds, align="path"), str(measured))]
 
 
 def _log(log: Path, scenario: Scenario) -> list[dict[str, object]]:

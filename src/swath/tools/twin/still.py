@@ -1,0 +1,176 @@
+"""Twins of a scanner that stands still: its range noise and lost beams, of any scene.
+
+What it looks at is not known, so the scene is the median range of each beam, and a bank of its own is made of
+that: the noise of the data sheet times a factor, and beams lost by chance. That takes a second or two, so
+nothing is kept. A beam that flickers between two surfaces, as at the edge of one, tells of its scene, not of
+its noise, and is left out.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from swath.core.errors import InputError
+from swath.core.files.whole_file import new_file
+from swath.core.number_text import num, percent_of
+from swath.core.random import Stream
+from swath.documents.json_file import read_object, write_json
+from swath.documents.packed import read_arrays, readable
+from swath.scenario.scenario import load_scenario
+from swath.sensing.lidar_sheet import LidarSheet, load_lidar
+from swath.signals import F32, F64, I64
+from swath.tools.distributions import wasserstein1
+from swath.tools.height_map.source import Source
+from swath.tools.tune.parameters import Parameter
+from swath.tools.twin.check import ALPHA, DIFFERS, FITS, UNKNOWN, Checked, further_than
+from swath.tools.twin.fit import Estimate, estimates_of, write_scenario
+from swath.tools.twin.learned import Answer, answer_in, ask, learn
+from swath.tools.twin.looks import Recorded, View, read_looks
+
+STILL, SCENE = "twin-still.json", "twin-scene.npz"
+FACTOR, LOST = (0.2, 5.0), (0.001, 20.0)  # range noise over the sheet's; lost beams [%]
+SPOT = (0.6, 1.6)  # over the sheet's: nothing that stands still shows it
+UNEVEN = 0.5  # sd of the logarithm of a beam's noise over that of all at most: surfaces differ; estimated
+RUNS, SCANS = 400, 200  # of the bank; looked at of a recording
+STEADY = 0.5  # share of the scans in which a beam that counts has an echo
+FLICKER = 6.0  # noise of a beam over the data sheet's above which it sees two surfaces; chosen
+BEAMS = 10  # steady ones at least
+SPREAD = (0.1, 0.25, 0.5, 0.75, 0.9)  # quantiles over the beams
+PARAMETERS = [
+    Parameter("noise_factor", *FACTOR, is_log=True),
+    Parameter("drop_out_percent", *LOST, is_log=True),
+]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a scanner that stands still looks at.
+
+    azimuth [rad], ranges: median of each beam [m], nan = none, (beams,); deviations: from it (scans, beams)
+    [m]; seen: beams that count
+    """
+
+    azimuth: F64
+    ranges: F64
+    deviations: F32
+    seen: I64
+
+    @classmethod
+    def of(cls, recorded: Recorded, sheet: LidarSheet) -> "Scene":
+        """The scene of a recording. InputError where few beams see anything steadily."""
+        flat = recorded.stack[:: -(-len(recorded.stack) // SCANS)].reshape(-1, recorded.view.count)
+        there = np.isfinite(flat).mean(axis=0) >= STEADY
+        ranges = np.full(flat.shape[1], np.nan)
+        ranges[there] = np.nanmedian(flat[:, there], axis=0)
+        off = (flat - ranges).astype(np.float32)
+        sigma = np.full(len(ranges), np.nan)
+        sigma[there] = _spread(off[:, there]) / sheet.noise_sigma(ranges[there])
+        seen = np.flatnonzero(there & (sigma < FLICKER))
+        if len(seen) < BEAMS:
+            raise InputError("scans", len(seen), f"expected {BEAMS} beams or more that see one surface each")
+        return cls(recorded.view.azimuth, ranges, off, seen)
+
+    def numbers(self, off: F64 | F32, sheet: LidarSheet) -> F64:
+        """How deviations look: spread of the noise over the sheet's over the beams, and lost beams."""
+        some = off[:, self.seen]
+        ratio = np.log(np.maximum(_spread(some), 1e-5) / sheet.noise_sigma(self.ranges[self.seen]))
+        return np.array([*np.quantile(ratio, SPREAD), np.log(1e-5 + np.isnan(some).mean())])
+
+    def simulated(self, sheet: LidarSheet, shares: F64, rng: np.random.Generator) -> F64:
+        """Deviations (scans, beams) [m] at shares of the ranges of noise and lost beams."""
+        factor, lost = (float(p.value_at(float(s))) for p, s in zip(PARAMETERS, shares[:2], strict=True))
+        uneven = np.exp(UNEVEN * rng.random() * rng.standard_normal(len(self.ranges)))
+        sigma = factor * uneven * sheet.noise_sigma(self.ranges)
+        told = self.ranges + sigma * rng.standard_normal(self.deviations.shape)
+        told = np.round(told / sheet.resolution) * sheet.resolution if sheet.resolution > 0.0 else told
+        return np.where(rng.random(told.shape) < 0.01 * lost, np.nan, told - self.ranges)
+
+
+def _spread(off: F64 | F32) -> F64:
+    """Standard deviation of a normal distribution with these quartiles about the median, by beam."""
+    low, high = np.nanpercentile(off, [15.87, 84.13], axis=0)
+    return np.asarray(0.5 * (high - low), np.float64)
+
+
+def answer_of(scene: Scene, sheet: LidarSheet, seed: int) -> Answer:
+    """What the scans of a scene say of noise and lost beams, by a bank of its own."""
+    shares = Stream(seed, "still twin").at(0).random((RUNS, len(PARAMETERS)))
+    numbers = _simulations(scene, sheet, shares, seed)
+    return ask(shares, numbers, learn(shares, numbers), scene.numbers(scene.deviations, sheet))
+
+
+def _simulations(scene: Scene, sheet: LidarSheet, shares: F64, seed: int) -> F64:
+    each = (scene.simulated(sheet, at, Stream(seed, "still scans").at(n)) for n, at in enumerate(shares))
+    return np.stack([scene.numbers(off, sheet) for off in each])
+
+
+def fit_still(out: Path, sources: Sequence[Source], sheet: str, seed: int) -> tuple[list[Estimate], Answer]:
+    """Ask what recordings of one scene say; writes twin.yaml, with the scanner as it was found."""
+    made = load_lidar(sheet)
+    recorded = read_looks(sources, made)
+    scene = Scene.of(recorded, made)
+    answer = answer_of(scene, made, seed)
+    slot, names = "combine.lidar", [source.name for source in sources]
+    found = [replace(e, key=f"{slot}.{e.key}") for e in estimates_of(PARAMETERS, answer)]
+    found.append(Estimate(f"{slot}.spot_factor", 1.0, *SPOT, SPOT, is_known=False))
+    sets = [
+        f"{slot}={{level: plants, sensor: {sheet}}}",
+        *(f"{e.key}={e.value}" for e in found if e.is_known),
+    ]
+    write_scenario(out, load_scenario("straight", sets=[*sets, "name=twin"]), names, found)
+    plain = {"sheet": sheet, "view": asdict(recorded.view), "recordings": names, "answer": asdict(answer)}
+    write_json(out / STILL, {**plain, "estimates": [asdict(e) for e in found]})
+    with new_file(out / SCENE) as file:
+        np.savez_compressed(file, ranges=scene.ranges)
+    return found, answer
+
+
+def is_still(path: Path) -> bool:
+    """Whether a twin is of a scanner that stood still."""
+    return os.path.isfile(_folder(path) / STILL)
+
+
+def _folder(path: Path) -> Path:
+    return path if os.path.isdir(path) else path.parent
+
+
+def check_still(path: Path, source: Source, draws: int, seed: int) -> Checked:
+    """Predict another recording of the same scene, beam by beam."""
+    folder = _folder(path)
+    data = read_object(folder / STILL, "twin", "a twin")
+    with readable("twin", "a twin", folder / STILL):
+        view = View(**{**data["view"], "lines": tuple(data["view"]["lines"])})
+        answer = answer_in(data["answer"])
+    before = read_arrays(folder / SCENE, "twin", "the scene of a twin")["ranges"]
+    sheet = load_lidar(data["sheet"])
+    scene = Scene.of(read_looks([source], sheet, view), sheet)
+    shares = answer.draws(draws, Stream(seed, "still check").at(0))
+    sims = [scene.simulated(sheet, at, Stream(seed, "still draws").at(n)) for n, at in enumerate(shares)]
+    further = further_than(np.stack([scene.numbers(off, sheet) for off in sims]),
+                           scene.numbers(scene.deviations, sheet), shares)  # fmt: skip
+    seen = scene.seen
+    measured = scene.deviations[:, seen] + (scene.ranges - before)[seen]
+    plain = scene.simulated(sheet, PRIOR, Stream(seed, "still prior").at(0))
+    w1 = [wasserstein1(off[:, seen], measured) for off in (sims[0], plain)]
+    noise = float(np.quantile([wasserstein1(off[:, seen], sims[0][:, seen]) for off in sims[1:21]], 0.95))
+    left, there = (max(0.0, value - noise) for value in w1)
+    explained = 1.0 - left / there if there > 0.0 else float("nan")
+    verdict = UNKNOWN if answer.is_stray else FITS if further > ALPHA else DIFFERS
+    row = {"compared": "twin", "number": "ranges, Wasserstein-1", "unit": "m", "says": verdict,
+           "value": f"{w1[0]:.3g}", "noise": f"{noise:.3g}", "file": source.name}  # fmt: skip
+    apart = f"{num(w1[0], 'm')} (W1, noise {num(noise, 'm')}), by {num(w1[1], 'm')} as of the sheet"
+    lines = [
+        f"{percent_of(further)} of the simulations lie as far from the others as the recording",
+        f"ranges differ by {apart}",
+        f"{len(seen)} of {view.count} beams see one surface each; the others are not predicted",
+    ]
+    series = {"azimuth": scene.azimuth[seen], "measured": _spread(scene.deviations[:, seen]),
+              "simulated": _spread(np.concatenate(sims[:10])[:, seen]), "ranges": scene.ranges[seen],
+              "moved": (scene.ranges - before)[seen]}  # fmt: skip
+    return Checked(verdict, further, explained, (folder.name, source.name), None, lines, [row], series)
+
+
+PRIOR = np.full(len(PARAMETERS), 0.5)
