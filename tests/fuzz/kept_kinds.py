@@ -317,6 +317,60 @@ def _shown(folder: Path) -> Any:
     return html, swath.detect(folder / "run")
 
 
+def _twins(folder: Path) -> None:
+    """A twin of a bank, one of a scanner that stood still, and a check."""
+    import json
+
+    import numpy as np
+
+    from swath.tools.function_test.session import claim_folder
+    from swath.tools.height_map.build import open_source
+    from swath.tools.height_map.source import Wanted
+    from swath.tools.twin.bank import ASKED, BANK
+    from swath.tools.twin.fit import write_twin
+    from swath.tools.twin.looks import NAMES, Recorded
+    from swath.tools.twin.still import fit_still
+
+    rng = np.random.default_rng(1)
+    asked = _bank_asked()
+    claim_folder((bank := folder / "bank") / ASKED, asked, "a bank")
+    unknowns = len(asked.parameters)
+    shares, numbers = rng.random((40, unknowns)), rng.random((40, len(NAMES)))
+    tuned = np.tile([15.0, 1.0, 0.1], (unknowns, 1))
+    np.savez_compressed(bank / BANK, shares=shares, numbers=numbers, tuned=tuned)
+    seen = Recorded(asked.view, rng.uniform(3.0, 9.0, (20, 1, asked.beams)).astype(np.float32), 25.0)
+    write_twin(folder / "twin", _asked_bank(folder), seen, [SimpleNamespace(name="a.mcap")], 12.0)
+    ranges, angle = rng.uniform(2.0, 2.01, (40, 61)), np.arange(61) - 30.0
+    np.savez(folder.parent / "still.npz", ranges_m=ranges, angle_deg=angle, scan_time_s=0.02 * np.arange(40))
+    source = open_source(folder.parent / "still.npz", Wanted(is_still=True))
+    fit_still(folder / "still", [source], "sick-lms111", 1)
+    (folder / "check.json").write_text(json.dumps({"rows": [{"compared": "twin", "value": "0.02"}]}))
+
+
+def _bank_asked() -> Any:
+    from swath.tools.twin.bank import BankAsked
+
+    return BankAsked("sick-lms511-hr", (0.0, 2.7, 2.4, 0.0, 16.0, 0.0), -1.0, 0.05, 41, (0.0,), runs=40)
+
+
+def _asked_bank(folder: Path) -> Any:
+    from swath.tools.twin.bank import make_bank
+
+    return make_bank(folder / "bank", _bank_asked(), 1, _unsaid)
+
+
+def _read_twins(folder: Path) -> Any:
+    from swath.tools.function_test.evidence import checked_rows
+    from swath.tools.height_map.build import open_source
+    from swath.tools.height_map.source import Wanted
+    from swath.tools.twin.fit import read_twin, shares_drawn
+    from swath.tools.twin.still import check_still
+
+    found = shares_drawn(read_twin(folder / "twin"), 5, 1), _asked_bank(folder).shares
+    source = open_source(folder.parent / "still.npz", Wanted(is_still=True))
+    return found, check_still(folder / "still", source, 20, 1).verdict, checked_rows(folder)
+
+
 def kept_kinds(known: dict[str, Kind]) -> dict[str, Kind]:
     """Kinds of what swath kept. known: kinds whose files they need."""
     report = ("test", "report", "out")
@@ -330,6 +384,7 @@ def kept_kinds(known: dict[str, Kind]) -> dict[str, Kind]:
         "test-journal": Kind(_tested("out"), _journal),
         "odd": command(lambda folder: write_odd(folder), "odd", "check", "small.odd.yaml"),
         "tuning": Kind(_tune, _tune),
+        "twins": Kind(_twins, _read_twins),
         "field-plan": Kind(_planned, _filled),
         "saves": command(_saved, "branch", "run", "--at", "0.4", "--out", "out", "--quiet"),
         "run-log": command(_run_folder("run"), "run-log", "run", "--out", "x.mf4"),

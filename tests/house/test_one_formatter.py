@@ -19,7 +19,7 @@ EXCEPTIONS = {
     "tools/function_test/odd/restricted.py:_condition": "an expression in a file of OpenODD",
     "tools/function_test/estimate/page.py:write_junit": "a file for programs (JUnit)",
     "tools/function_test/field_plan/form.py:write_form": "a table for programs (CSV)",
-    "tools/function_test/field_plan/form.py:_scans": "a table for programs (CSV)",
+    "tools/function_test/evidence.py:scans_row": "a table for programs (CSV)",
     "tools/function_test/field_plan/form.py:_log": "a table for programs (CSV)",
     "tools/function_test/odd/binding.py:axes": "names of buckets, by which results are kept",
     "tools/tune/tune.py:_check": "keys of a dict",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from swath.core.files.whole_file import write_csv
 from swath.documents.json_file import read_object
+from swath.documents.packed import readable
 from swath.documents.text_file import read_text
 from swath.report.html import Table
 from swath.tools.compare_scans.compare import Comparison
@@ -47,8 +48,10 @@ def checked_rows(folder: Path) -> list[Mapping[str, object]]:
     """The rows of a check of a twin (`swath twin check`) in a folder; none where there is no check."""
     if not os.path.isfile(folder / CHECK):
         return []
-    found: list[Mapping[str, object]] = read_object(folder / CHECK, "scans", "a check of a twin")["rows"]
-    return found
+    what = "a check of a twin"
+    data = read_object(folder / CHECK, "scans", what)
+    with readable("scans", what, folder / CHECK):
+        return [{name: str(each[name]) for name in SAID if name in each} for each in data["rows"]]
 
 
 def evidence_table(folder: Path) -> Table:

@@ -231,7 +231,13 @@ def make_bank(folder: Path, asked: BankAsked, workers: int, done: Done, client: 
             np.savez_compressed(file, shares=shares, numbers=numbers, tuned=learn(shares, numbers))
     data = read_arrays(folder / BANK, "--bank", "the runs of a bank")
     with readable("--bank", "the runs of a bank", folder / BANK):
-        return Bank(folder, asked, data["shares"], data["numbers"], data["tuned"])
+        kept = [np.asarray(data[name], np.float64) for name in ("shares", "numbers", "tuned")]
+        unknowns, count = len(asked.parameters), len(kept[0])
+        if [k.shape for k in kept] != [(count, unknowns), (count, len(NAMES)), (unknowns, 3)]:
+            raise ValueError("other numbers of runs or of unknowns")
+        if not (np.isfinite(kept[0]).all() and (kept[2] > 0.0).all()):  # nan of the latter, too
+            raise ValueError("numbers that are none")
+        return Bank(folder, asked, *kept)
 
 
 def simulated(

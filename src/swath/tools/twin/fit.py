@@ -1,6 +1,7 @@
 """`swath twin fit`: recordings of a pass become a scenario, with an interval of all that they say."""
 
 import json
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -207,7 +208,7 @@ def write_scenario(out: Path, scenario: Scenario, names: Sequence[str], found: S
 
 def read_twin(path: Path) -> Twin:
     """A twin by its folder or its scenario. InputError where it is none."""
-    folder = path if path.is_dir() else path.parent
+    folder = path if os.path.isdir(path) else path.parent
     data = read_object(folder / TWIN, "twin", "a twin, as swath twin fit writes it")
     with readable("twin", "a twin, as swath twin fit writes it", folder / TWIN):
         asked = data["asked"]

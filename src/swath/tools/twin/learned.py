@@ -150,7 +150,11 @@ def ask(shares: F64, numbers: F64, tuned: F64, seen: F64) -> Answer:
 def answer_in(data: Mapping[str, Any]) -> Answer:
     """An answer that was written as plain data."""
     arrays = {name: np.array(value) for name, value in data.items() if name != "is_stray"}
-    return Answer(**arrays, is_stray=bool(data["is_stray"]))
+    made = Answer(**arrays, is_stray=bool(data["is_stray"]))
+    count = len(made.mean)
+    if made.alike.shape != (count, count) or any(len(a) != count for a in arrays.values()):
+        raise ValueError("other numbers of unknowns")
+    return made
 
 
 def _is_stray(space: _Space, numbers: F64, seen: F64) -> bool:

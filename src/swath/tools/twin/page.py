@@ -73,7 +73,7 @@ def draw_beams(found: Checked) -> Any:
             noise.plot(azimuth, 1e3 * s[name], ".", ms=3, color=colour, label=name)
         noise.set(ylabel="noise, one sigma [mm]")
         noise.set_ylim(bottom=0.0)
-        noise.legend(loc="upper right", ncol=2)
+        noise.legend(loc="lower center", ncol=2)
         ranges.plot(azimuth, s["ranges"], ".", ms=3, color=INK)
         ranges.set(ylabel="range [m]")
         moved.plot(azimuth, 1e3 * s["moved"], ".", ms=3, color=INK)

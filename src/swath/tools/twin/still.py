@@ -160,11 +160,12 @@ def check_still(path: Path, source: Source, draws: int, seed: int) -> Checked:
     explained = 1.0 - left / there if there > 0.0 else float("nan")
     verdict = UNKNOWN if answer.is_stray else FITS if further > ALPHA else DIFFERS
     row = {"compared": "twin", "number": "ranges, Wasserstein-1", "unit": "m", "says": verdict,
-           "value": f"{w1[0]:.3g}", "noise": f"{noise:.3g}", "file": source.name}  # fmt: skip
+           "value": num(w1[0]), "noise": num(noise), "file": source.name}  # fmt: skip
     apart = f"{num(w1[0], 'm')} (W1, noise {num(noise, 'm')}), by {num(w1[1], 'm')} as of the sheet"
     lines = [
         f"{percent_of(further)} of the simulations lie as far from the others as the recording",
         f"ranges differ by {apart}",
+        f"medians moved by {num(1e3 * float(np.median(scene.ranges[seen] - before[seen])), 'mm')}",
         f"{len(seen)} of {view.count} beams see one surface each; the others are not predicted",
     ]
     series = {"azimuth": scene.azimuth[seen], "measured": _spread(scene.deviations[:, seen]),
