@@ -207,6 +207,7 @@ def test_every_value_of_a_bank_makes_a_scenario():
 
 
 # ---- A scanner that stands still
+@pytest.mark.draws
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_and_lost_beams_of_a_still_scanner(seed, tmp_path):
     rng = np.random.default_rng(seed)

@@ -38,6 +38,7 @@ RUNS, SCANS = 400, 200  # of the bank; looked at of a recording
 STEADY = 0.5  # share of the scans in which a beam that counts has an echo
 FLICKER = 6.0  # noise of a beam over the data sheet's above which it sees two surfaces; chosen
 BEAMS = 10  # steady ones at least
+ONE_SIGMA = (0.1587, 0.8413)  # shares of a normal distribution below
 SPREAD = (0.1, 0.25, 0.5, 0.75, 0.9)  # quantiles over the beams
 PARAMETERS = [
     Parameter("noise_factor", *FACTOR, is_log=True),
@@ -90,9 +91,20 @@ class Scene:
 
 
 def _spread(off: F64 | F32) -> F64:
-    """Standard deviation of a normal distribution with these quartiles about the median, by beam."""
-    low, high = np.nanpercentile(off, [15.87, 84.13], axis=0)
-    return np.asarray(0.5 * (high - low), np.float64)
+    """Half of what lies between one sigma on both sides of a normal distribution, by beam (n,).
+
+    off: (scans, n), nan = no echo. As by `np.nanquantile`, which takes beams one by one.
+    """
+    ordered, last = np.sort(off, axis=0), np.count_nonzero(np.isfinite(off), axis=0) - 1
+    beams = np.arange(off.shape[1])
+
+    def at(share: float) -> F64:
+        place = share * np.maximum(last, 0)
+        below = place.astype(np.int64)
+        first, then = (ordered[np.minimum(n, last), beams] for n in (below, below + 1))
+        return np.asarray(first + (place - below) * (then - first), np.float64)
+
+    return 0.5 * (at(ONE_SIGMA[1]) - at(ONE_SIGMA[0]))
 
 
 def answer_of(scene: Scene, sheet: LidarSheet, seed: int) -> Answer:
