@@ -330,6 +330,7 @@ def _twins(folder: Path) -> None:
     from swath.tools.twin.fit import write_twin
     from swath.tools.twin.looks import NAMES, Recorded
     from swath.tools.twin.still import fit_still
+    from swath.tools.twin.structure import NAMES as STRUCTURE
 
     rng = np.random.default_rng(1)
     asked = _bank_asked()
@@ -337,9 +338,11 @@ def _twins(folder: Path) -> None:
     unknowns = len(asked.parameters)
     shares, numbers = rng.random((40, unknowns)), rng.random((40, len(NAMES)))
     tuned = np.tile([15.0, 1.0, 0.1], (unknowns, 1))
-    np.savez_compressed(bank / BANK, shares=shares, numbers=numbers, tuned=tuned)
-    seen = Recorded(asked.view, rng.uniform(3.0, 9.0, (20, 1, asked.beams)).astype(np.float32), 25.0)
-    write_twin(folder / "twin", _asked_bank(folder), seen, [SimpleNamespace(name="a.mcap")], 12.0)
+    structure = rng.random((40, len(STRUCTURE)))
+    np.savez_compressed(bank / BANK, shares=shares, numbers=numbers, structure=structure, tuned=tuned)
+    ranges, bright = rng.uniform(3.0, 9.0, (2, 20, 1, asked.beams)).astype(np.float32)
+    seen = Recorded(asked.view, ranges, 25.0, bright, [0.04 * np.arange(20)])
+    write_twin(folder / "twin", _asked_bank(folder), seen, [SimpleNamespace(name="a.mcap")], [12.0])
     ranges, angle = rng.uniform(2.0, 2.01, (40, 61)), np.arange(61) - 30.0
     np.savez(folder.parent / "still.npz", ranges_m=ranges, angle_deg=angle, scan_time_s=0.02 * np.arange(40))
     source = open_source(folder.parent / "still.npz", Wanted(is_still=True))
@@ -363,10 +366,11 @@ def _read_twins(folder: Path) -> Any:
     from swath.tools.function_test.evidence import checked_rows
     from swath.tools.height_map.build import open_source
     from swath.tools.height_map.source import Wanted
-    from swath.tools.twin.fit import read_twin, shares_drawn
+    from swath.tools.twin.fit import read_twin
     from swath.tools.twin.still import check_still
 
-    found = shares_drawn(read_twin(folder / "twin"), 5, 1), _asked_bank(folder).shares
+    bank, twin = _asked_bank(folder), read_twin(folder / "twin")
+    found = twin.answer.apart(bank.ask(bank.numbers[0])), twin.sets(twin.values, 9.0)
     source = open_source(folder.parent / "still.npz", Wanted(is_still=True))
     return found, check_still(folder / "still", source, 20, 1).verdict, checked_rows(folder)
 

@@ -7,7 +7,7 @@ else varies (where stems lean to, ground, speed, yaw) is drawn, too, and not tol
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,10 +33,13 @@ from swath.tools.function_test.session import Session, claim_folder
 from swath.tools.scan.scan import first_of_kind
 from swath.tools.tune.parameters import Parameter, read_parameter, sets_at
 from swath.tools.twin.learned import Answer, ask, learn
-from swath.tools.twin.looks import NAMES, REFERENCE, View
+from swath.tools.twin.looks import EVERY, NAMES, REFERENCE, Recorded, View
+from swath.tools.twin.structure import NAMES as STRUCTURE
+from swath.tools.twin.unlike import Unlike, unlike
 
 ASKED, CASE, BANK = "twin-bank.json", "twin-bank.yaml", "bank.npz"
 USABLE = 0.8  # share of the runs that a bank is learned from at least
+TABLES = ("shares", "numbers", "structure", "tuned")
 FEWEST, MOST = 40, 20_000  # runs
 
 
@@ -185,17 +188,26 @@ class BankAsked:
 
 @dataclass(frozen=True)
 class Bank:
-    """A bank in its folder. shares: of its runs (n, d); numbers: of their scans (n, m); tuned: by `learn`."""
+    """A bank in its folder. shares: of its runs (n, d); numbers, structure: of their scans (n, m), (n, k);
+    tuned: by `learn`.
+    """
 
     folder: Path
     asked: BankAsked
     shares: F64
     numbers: F64
+    structure: F64
     tuned: F64
 
     def ask(self, seen: F64) -> Answer:
         """What scans say. seen: their numbers, (m,)."""
         return ask(self.shares, self.numbers, self.tuned, seen)
+
+    def unlike(self, seen: Recorded, ways: Sequence[float]) -> Unlike:
+        """How unlike the runs scans are. ways: lengths of the recordings [m]."""
+        parts = [min(1.0, PARAMS.distance / way) for way in ways]
+        structure = seen.structure(PARAMS.rate, parts)
+        return unlike(self.shares, self.numbers, self.structure, seen.numbers, structure)
 
 
 def words_of(key: str) -> tuple[str, str]:
@@ -227,15 +239,25 @@ def make_bank(folder: Path, asked: BankAsked, workers: int, done: Done, client: 
         numbers = simulated(folder, asked, drawn, workers, done, client)
         there = np.isfinite(numbers).any(axis=1)
         shares, numbers = drawn[there, : len(asked.parameters)], numbers[there]
+        numbers, structure = numbers[:, : len(NAMES)], numbers[:, len(NAMES) :]
         with new_file(folder / BANK) as file:
-            np.savez_compressed(file, shares=shares, numbers=numbers, tuned=learn(shares, numbers))
+            tuned = learn(shares, numbers)
+            np.savez_compressed(file, shares=shares, numbers=numbers, structure=structure, tuned=tuned)
+    return read_bank(folder, asked)
+
+
+def read_bank(folder: Path, asked: BankAsked) -> Bank:
+    """The bank that was made in a folder."""
     data = read_arrays(folder / BANK, "--bank", "the runs of a bank")
     with readable("--bank", "the runs of a bank", folder / BANK):
-        kept = [np.asarray(data[name], np.float64) for name in ("shares", "numbers", "tuned")]
+        kept = [np.asarray(data[name], np.float64) for name in TABLES]
         unknowns, count = len(asked.parameters), len(kept[0])
-        if [k.shape for k in kept] != [(count, unknowns), (count, len(NAMES)), (unknowns, 3)]:
+        shapes = [(count, unknowns), (count, len(NAMES)), (count, len(STRUCTURE)), (unknowns, 3)]
+        if [k.shape for k in kept] != shapes:
             raise ValueError("other numbers of runs or of unknowns")
-        if not (np.isfinite(kept[0]).all() and (kept[2] > 0.0).all()):  # nan of the latter, too
+        if (
+            np.isinf(np.hstack(kept[:3])).any() or np.isnan(kept[0]).any() or not (kept[3] > 0.0).all()
+        ):  # nan of the latter, too
             raise ValueError("numbers that are none")
         return Bank(folder, asked, *kept)
 
@@ -247,14 +269,13 @@ def simulated(
     workers: int,
     done: Done,
     client: Any = None,
-    run: Params = PARAMS,
 ) -> F64:
-    """How scans look, (n, m), at shares (n, d) of what is asked of and of what else varies; nan = no scan.
+    """How scans look, (n, m + k), at shares of what is asked of and of what else varies (n, d).
 
-    The runs go on with those that lie in the folder. InputError where few of them saw anything.
+    nan = no scan. The runs go on with those that lie in the folder. InputError where few saw anything.
     """
     every = [*asked.parameters, *asked.beside]
-    fixed = {**asked.fixed, "run.distance_m": run.distance, f"{asked.slot}.rate_hz": run.rate}
+    fixed = {**asked.fixed, "run.distance_m": PARAMS.distance, f"{asked.slot}.rate_hz": PARAMS.rate}
     vary = {p.key: {"key": p.key, **({"at": list(p.choices)} if p.choices else {"range": [p.low, p.high]})}
             for p in every}  # fmt: skip
     case = {"format": FORMAT, "objective": "how scans look", "source": "drawn", "scenario": asked.scenario,
@@ -266,9 +287,9 @@ def simulated(
     with allow_code((REFERENCE,)):
         plan.check()
         results = Session(folder, plan).made(workers, done, client)
-    found = np.full((len(shares), len(NAMES)), np.nan)
+    found = np.full((len(shares), len(EVERY)), np.nan)
     for result in results:
-        values = [result["metrics"].get(name) for name in NAMES]
+        values = [result["metrics"].get(name) for name in EVERY]
         found[result["seed"] - 1] = [np.nan if v is None else v for v in values]
     there = int(np.isfinite(found).any(axis=1).sum())
     if there < USABLE * len(shares):

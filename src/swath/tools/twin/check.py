@@ -1,16 +1,14 @@
 """`swath twin check`: whether another recording looks like what a twin says.
 
-Simulations are drawn as a twin says, unknown things as they may be, and so are what it is not asked of. The
-recording fits where it lies no further from them than they lie from each other (a posterior predictive check:
-Gelman et al. 1996, Statistica Sinica 6, 733). How far apart heights are, and where, is said by `swath compare
-scans`, for the twin and for what was known before: the share of the misfit that the twin explains.
+The bank is asked what the other recording says. It fits where that is the same within both intervals, and
+where its scans are like those of the bank at all. How far apart heights are, and where, is said by `swath
+compare scans`, for the twin and for what was known before: the share of the misfit that the twin explains.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import ceil
+from math import erfc, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,21 +24,19 @@ from swath.tools.compare_scans.clouds import Cloud, Reading, cloud_of
 from swath.tools.compare_scans.compare import Comparison, Grid, compare_clouds
 from swath.tools.function_test.case import Scalar
 from swath.tools.function_test.evidence import CHECK, Evidence, scans_row, write_evidence
-from swath.tools.function_test.pool import Done
 from swath.tools.height_map.build import open_source
 from swath.tools.height_map.source import Echoes, Source, Wanted
-from swath.tools.twin.bank import Params, simulated
-from swath.tools.twin.fit import Twin, shares_drawn, way_of
-from swath.tools.twin.looks import numbers_of, read_looks
+from swath.tools.twin.bank import read_bank, words_of
+from swath.tools.twin.fit import Twin, ways_of
+from swath.tools.twin.learned import STRAY
+from swath.tools.twin.looks import read_looks
 
 FITS, DIFFERS, UNKNOWN = "fits", "does not fit", "too little is known"
 CODES = {FITS: 0, DIFFERS: 1, UNKNOWN: 3}
-DRAWS, TWIN_RUN, PRIOR_RUN = "draws", "simulated", "before"
+TWIN_RUN, PRIOR_RUN = "simulated", "before"
 GRID = Grid(block_m=1.0)
 REACH_M = 30.0
-ALPHA = 0.05  # chance that a recording does not fit though it is one of the simulations
-SHRUNK, LEAST = 0.3, 0.02  # of covariances: towards their diagonal, and a floor; chosen
-FASTEST, FARTHEST_M = 5.0, 12.0  # of simulations: scans a second [Hz], way [m]
+ALPHA = 0.05  # chance that a recording does not fit though it does
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ class Checked:
     """What a check found.
 
     verdict: FITS, DIFFERS or UNKNOWN
-    further: share of the simulations that lie further from the others than the recording does
+    chance: that what fits is as far off as the recording
     explained: share of the misfit of what was known before, nan = there was none
     names: of the twin and of the recording
     compared: recording and simulation by `compare scans`, None = of a scanner that stands still
@@ -59,7 +55,7 @@ class Checked:
     """
 
     verdict: str
-    further: float
+    chance: float
     explained: float
     names: tuple[str, str]
     compared: Comparison | None
@@ -73,52 +69,49 @@ class Checked:
         return CODES[self.verdict]
 
 
-def further_than(sims: F64, seen: F64, shares: F64) -> float:
-    """Share of simulations, the recording counted with them, that lie at least as far from the others.
+@dataclass(frozen=True)
+class Agreement:
+    """Whether a recording says the same as a twin.
 
-    Far is the distance that is left when the unknowns are moved to where it is least, by a plane through the
-    others, in deviations of these about it and of the unknowns (a profile likelihood with their prior).
-
-    sims: numbers (n, m); seen: (m,), nan = not there; shares: what simulations differ in and is known (n, d)
+    alike: share of the runs of the bank that are as unlike the others as the recording is
+    apart: how far the unknowns of both are apart, in standard deviations, (d,), nan = not known
     """
-    usable = np.isfinite(seen) & np.isfinite(sims).all(axis=0)
-    others, one = sims[:, usable], seen[usable]
-    moves = (shares - shares.mean(axis=0)) / np.maximum(shares.std(axis=0), 1e-6)
-    every = np.arange(len(others))
-    far = np.array([_left(others[every != n], moves[every != n], others[n]) for n in every])
-    last = _left(others, moves, one)
-    return float((1 + np.count_nonzero(far >= last)) / (len(sims) + 1))
+
+    alike: float
+    apart: F64
+
+    @property
+    def same(self) -> float:
+        """The chance that any unknown is so far apart (Bonferroni)."""
+        far = np.abs(self.apart[np.isfinite(self.apart)])
+        return min(1.0, len(far) * erfc(float(far.max()) / sqrt(2.0))) if len(far) else 1.0
+
+    @property
+    def chance(self) -> float:
+        """That of both tests, of which either may refuse.
+
+        The first one alone refuses what fits: the bank errs alike of two recordings of one field.
+        """
+        return min(self.alike, self.same)
 
 
-def _left(others: F64, moves: F64, one: F64) -> float:
-    """The squared distance of `further_than`."""
-    mean, sd = others.mean(axis=0), np.maximum(others.std(axis=0), 1e-3)
-    plain, seen, moved = (others - mean) / sd, (one - mean) / sd, moves - moves.mean(axis=0)
-    ridge = np.eye(moves.shape[1])
-    slopes = np.linalg.solve(moved.T @ moved + ridge, moved.T @ plain)
-    about = plain - moved @ slopes
-    free = max(1.0, len(others) - 1.0 - moves.shape[1])
-    covariance = (1.0 - SHRUNK) * about.T @ about / free
-    covariance[np.diag_indices(len(covariance))] += SHRUNK * (about**2).sum(axis=0) / free + LEAST
-    weighed = np.linalg.solve(covariance, np.column_stack([seen, slopes.T]))
-    best = np.linalg.solve(slopes @ weighed[:, 1:] + ridge, slopes @ weighed[:, 0])
-    rest = weighed[:, 0] - weighed[:, 1:] @ best
-    return float((seen - best @ slopes) @ rest + best @ best)
+def agreement(twin: Twin, source: Source) -> Agreement:
+    """What the bank of a twin says of a recording that the twin was not made of, beside the twin."""
+    seen = read_looks([source], load_lidar(twin.asked.sheet), twin.asked.view)
+    bank = read_bank(twin.bank, twin.asked)
+    answer, alike = bank.ask(seen.numbers), bank.unlike(seen, ways_of([source])).share
+    return Agreement(min(alike, STRAY) if answer.is_stray else alike, twin.answer.apart(answer))
 
 
-def check_twin(
-    out: Path, twin: Twin, source: Source, draws: int, seed: int, workers: int, done: Done, client: Any = None
-) -> Checked:
-    """Simulate what a twin says, and compare.
+def check_twin(out: Path, twin: Twin, source: Source) -> Checked:
+    """Ask the bank about a recording, simulate what a twin says, and compare.
 
     Parameters
     ----------
     out : folder of the simulations.
     twin, source : the twin, and a recording that it was not made of.
-    draws, seed : how many simulations, of their draws.
-    workers, client, done : as in `make_bank`.
     """
-    length, further = way_of([source]), predicted(out, twin, source, draws, seed, workers, done, client)
+    length, found = ways_of([source])[0], agreement(twin, source)
     made = []
     for name, values in ((TWIN_RUN, twin.values), (PRIOR_RUN, twin.middle)):
         clouds = _cloud(twin, values, source), _simulated(out / name, twin, values, length)
@@ -127,36 +120,33 @@ def check_twin(
     noise = next(iter(made[0].number("w1_m").spread), float("nan"))
     left, before = (max(0.0, value - np.nan_to_num(noise)) for value in w1)
     explained = 1.0 - left / before if before > 0.0 else float("nan")
-    verdict = UNKNOWN if twin.answer.is_stray else FITS if further > ALPHA else DIFFERS
+    verdict = UNKNOWN if twin.answer.is_stray else FITS if found.chance > ALPHA else DIFFERS
     lines = [
-        f"{percent_of(further)} of the simulations lie as far from the others as the recording",
+        f"{percent_of(found.alike)} of the runs of the bank are as unlike the others as the recording",
+        *_apart_lines(twin, found),
         f"heights differ by {num(w1[0], 'm')} (W1, noise {num(noise, 'm')}), before by {num(w1[1], 'm')}",
         f"explained {percent_of(explained)}" if np.isfinite(explained) else "nothing was left to explain",
     ]
     said = ", ".join(f"{key} {num(value)}" for key, value in twin.values.items())
     row = {**scans_row(made[0], source.name), "compared": "twin", "conditions": said, "note": verdict}
-    return Checked(verdict, further, explained, (twin.folder.name, source.name), made[0], lines, [row])
+    names = twin.folder.name, source.name
+    return Checked(verdict, found.chance, explained, names, made[0], lines, [row])
 
 
-def predicted(
-    out: Path, twin: Twin, source: Source, draws: int, seed: int, workers: int, done: Done, client: Any = None
-) -> float:
-    """Share of simulations of what a twin says that lie as far from the others as a recording does."""
-    seen = read_looks([source], load_lidar(twin.asked.sheet), twin.asked.view)
-    thin = ceil(seen.rate / FASTEST)
-    run = Params(min(way_of([source]), FARTHEST_M), seen.rate / thin)
-    shares = shares_drawn(twin, draws, seed)
-    sims = simulated(out / DRAWS, twin.asked, shares, workers, done, client, run)
-    there = np.isfinite(sims).any(axis=1)
-    known = shares[there][:, np.flatnonzero(twin.answer.is_known)]
-    return further_than(sims[there], numbers_of(seen.stack[::thin], seen.view), known)
+def _apart_lines(twin: Twin, found: Agreement) -> list[str]:
+    """Which unknown is furthest apart."""
+    if not np.isfinite(found.apart).any():
+        return ["no unknown is known of both"]
+    most = int(np.nanargmax(np.abs(found.apart)))
+    words, far = words_of(twin.estimates[most].key)[0], num(float(found.apart[most]))
+    return [f"{words} differs by {far} standard deviations, the others by less: {percent_of(found.same)}"]
 
 
 def write_evidence_of(out: Path, found: Checked) -> None:
     """Write check.json and evidence.csv, which `swath test plan-field` and a dossier take."""
     plain = {
         "verdict": found.verdict,
-        "further": found.further,
+        "chance": found.chance,
         "explained": found.explained,
         "rows": found.rows,
     }

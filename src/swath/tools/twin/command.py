@@ -12,8 +12,9 @@ PLACE = "measured", 4  # among all commands
 _FIT = """Density, height, stubble, mounting, dust and the scanner itself, each with an interval, by a bank of
 simulations that is made once for a scanner on a machine and asked often. What the scans do not say is not
 known. Writes twin.yaml, a scenario."""
-_CHECK = """Simulates what a twin says and compares it with another recording of the same field: whether that
-looks like the simulations, as `swath compare scans` does, on a page, and as evidence."""
+_CHECK = """Asks the bank of a twin about another recording of the same field: whether it says the same, and
+looks like the bank at all. Simulates the twin and compares as `swath compare scans` does, on a page, and as
+evidence."""
 
 
 def add(parsers: Any) -> None:
@@ -37,11 +38,10 @@ def add(parsers: Any) -> None:
     check = verb(verbs, "check", "whether another recording looks like a twin", run_check, _CHECK)
     option(check, "twin TWIN", "folder that `swath twin fit` wrote, or twin.yaml in it", type=Path)
     option(check, "bag BAG", "a recording that it was not made of", type=Path)
-    option(check, "--draws N", "simulations of what the twin says", 60)
-    option(check, "--seed N", "seed of the draws", 1)
+    option(check, "--draws N", "with --still: simulations of what the twin says", 60)
+    option(check, "--seed N", "with --still: seed of the draws", 1)
     add_folder(check, "check of a twin", text="folder of the page", alone=False)
     _add_source(check)
-    add_engine(check)
 
 
 def _add_source(made: argparse.ArgumentParser) -> None:
@@ -64,6 +64,7 @@ def _sources(args: argparse.Namespace, paths: list[Path]) -> list[Any]:
 
 def run_fit(args: argparse.Namespace) -> int:
     """Make the bank where it is not there, ask it, write the twin."""
+    from swath.core.number_text import num, percent_of
     from swath.core.process.shell import command
     from swath.terminal.tables import table
     from swath.tools.twin.fit import HEAD, SCENARIO, fit_twin
@@ -79,6 +80,9 @@ def run_fit(args: argparse.Namespace) -> int:
             place = args.out, sources, args.sheet, args.bank
             twin = fit_twin(*place, max(1, args.workers), progress, client, **more)
         found, answer = list(twin.estimates), twin.answer
+        if not answer.is_stray and twin.unlike.over > 1.0:
+            wider = f"intervals are {num(twin.unlike.over)} times as wide"
+            print(f"{percent_of(twin.unlike.share)} of the bank are as unlike the rest of it: {wider}.")
     table("", HEAD, [e.row for e in found])
     if answer.is_stray:
         print("These scans look like none of the bank: nothing of it is known.")
@@ -100,10 +104,7 @@ def run_check(args: argparse.Namespace) -> int:
     if is_still(args.twin):
         found = check_still(args.twin, source, args.draws, args.seed)
     else:
-        twin = read_twin(args.twin)
-        drawn = args.draws, args.seed, max(1, args.workers)
-        with progress(args.draws) as done, engine(args.cluster, args.workers) as client:
-            found = check_twin(args.out, twin, source, *drawn, done, client)
+        found = check_twin(args.out, read_twin(args.twin), source)
     page = write_check(args.out, found)
     print(f"verdict {found.verdict}")
     for line in found.lines:

@@ -8,8 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from swath.core.errors import InputError
 from swath.core.files.whole_file import write_whole
 from swath.core.number_text import num
@@ -18,7 +16,6 @@ from swath.documents.packed import readable
 from swath.scenario.overrides import layered
 from swath.scenario.scenario import Scenario, load_scenario
 from swath.sensing.lidar_sheet import load_lidar
-from swath.signals import F64
 from swath.tools.compare_scans.compare import Path as Way
 from swath.tools.function_test.case import Scalar
 from swath.tools.function_test.session import read_asked
@@ -27,6 +24,7 @@ from swath.tools.tune.parameters import Parameter
 from swath.tools.twin.bank import ASKED, Bank, BankAsked, make_bank, rounded_mount, words_of
 from swath.tools.twin.learned import CENTRAL, Answer, answer_in
 from swath.tools.twin.looks import Recorded, check_view, read_looks
+from swath.tools.twin.unlike import Unlike
 
 TWIN, SCENARIO = "twin.json", "twin.yaml"
 LONGEST_M = 40.0  # of a run of a twin
@@ -67,6 +65,7 @@ class Twin:
     folder: of the twin; bank: folder of the bank; asked: what that is made of
     estimates: in the order of its parameters
     answer: the same as shares
+    unlike: how unlike the bank the scans are
     recordings: names
     rate: scans a second [Hz]
     length: of the way [m]
@@ -77,6 +76,7 @@ class Twin:
     asked: BankAsked
     estimates: Sequence[Estimate]
     answer: Answer
+    unlike: Unlike
     recordings: Sequence[str]
     rate: float
     length: float
@@ -123,9 +123,9 @@ def estimates_of(parameters: Sequence[Parameter], answer: Answer) -> list[Estima
     return found
 
 
-def way_of(sources: Sequence[Source]) -> float:
-    """Length of the longest way [m]. InputError where one is no single pass."""
-    return max(Way(source.track, source.name).length for source in sources)
+def ways_of(sources: Sequence[Source]) -> list[float]:
+    """Lengths of the ways [m]. InputError where one is no single pass."""
+    return [Way(source.track, source.name).length for source in sources]
 
 
 def fit_twin(
@@ -149,12 +149,12 @@ def fit_twin(
     progress : a block that gives `done`, by the number of runs.
     more : of `BankAsked`.
     """
-    length = way_of(sources)
+    ways = ways_of(sources)
     seen = read_looks(sources, load_lidar(sheet))
     asked = _asked(bank, sheet, sources, seen, more)
     with progress(asked.runs) as done:
         made = make_bank(bank, asked, workers, done, client)
-    return write_twin(out, made, read_looks(sources, load_lidar(sheet), asked.view), sources, length)
+    return write_twin(out, made, read_looks(sources, load_lidar(sheet), asked.view), sources, ways)
 
 
 def _asked(bank: Path, sheet: str, sources: Sequence[Source], seen: Recorded, more: Any) -> BankAsked:
@@ -182,15 +182,21 @@ def _asked(bank: Path, sheet: str, sources: Sequence[Source], seen: Recorded, mo
     return BankAsked(**{**asdict(new), **same})
 
 
-def write_twin(out: Path, bank: Bank, seen: Recorded, sources: Sequence[Source], length: float) -> Twin:
-    """The twin, and its files."""
-    answer = bank.ask(seen.numbers)
+def write_twin(
+    out: Path, bank: Bank, seen: Recorded, sources: Sequence[Source], ways: Sequence[float]
+) -> Twin:
+    """The twin, and its files. Where scans are more unlike the bank than 95 % of its runs are, intervals are
+    wider by as much.
+    """
+    unlike, length = bank.unlike(seen, ways), max(ways)
+    answer = bank.ask(seen.numbers).widened(max(1.0, unlike.over))
     names = [source.name for source in sources]
     found = estimates_of(bank.asked.parameters, answer)
-    twin = Twin(out, bank.folder.resolve(), bank.asked, found, answer, names, seen.rate, length)
+    twin = Twin(out, bank.folder.resolve(), bank.asked, found, answer, unlike, names, seen.rate, length)
     scenario = load_scenario(bank.asked.scenario, sets=[*twin.sets(twin.values, length), "name=twin"])
     write_scenario(out, scenario, names, found)
     about = {"rate_hz": seen.rate, "length_m": length, "recordings": names, "answer": asdict(answer)}
+    about |= {"unlike": asdict(unlike)}
     asked = {"bank": str(twin.bank), "asked": asdict(bank.asked), "estimates": [asdict(e) for e in found]}
     plain = {"format": "swath twin 1", **asked, **about}
     write_json(out / TWIN, plain)
@@ -216,11 +222,6 @@ def read_twin(path: Path) -> Twin:
         found = [Estimate(**{**e, "prior": tuple(e["prior"])}) for e in data["estimates"]]
         return Twin(
             folder, Path(data["bank"]), BankAsked(**{**asked, **lists}), found, answer_in(data["answer"]),
+            Unlike(**data["unlike"]),
             data["recordings"], data["rate_hz"], data["length_m"],
         )  # fmt: skip
-
-
-def shares_drawn(twin: Twin, count: int, seed: int) -> F64:
-    """Shares of the ranges that are as likely as a twin says, and of what else varies, (count, d)."""
-    rng = np.random.default_rng(seed)
-    return np.hstack([twin.answer.draws(count, rng), rng.random((count, len(twin.asked.beside)))])

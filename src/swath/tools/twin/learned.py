@@ -10,7 +10,7 @@ evenly in 0..1, so an interval as wide as that says nothing.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 from typing import Any
 
@@ -46,6 +46,26 @@ class Answer:
     is_known: Mask
     is_stray: bool
 
+    def widened(self, factor: float) -> "Answer":
+        """The same with intervals that are wider by a factor."""
+        low, high = (
+            np.clip(self.mean + factor * (end - self.mean), 0.0, 1.0) for end in (self.low, self.high)
+        )
+        is_known = self.is_known & _is_told(low, high)
+        return replace(
+            self,
+            mean=np.where(is_known, self.mean, 0.5),
+            low=np.where(is_known, low, CENTRAL[0]),
+            high=np.where(is_known, high, CENTRAL[1]),
+            sd=factor * self.sd,
+            is_known=is_known,
+        )
+
+    def apart(self, other: "Answer") -> F64:
+        """How far another answer is from this, in standard deviations of both, (d,), nan = not known."""
+        far = (other.mean - self.mean) / np.hypot(self.sd, other.sd)
+        return np.where(self.is_known & other.is_known, far, np.nan)
+
     def draws(self, count: int, rng: np.random.Generator) -> F64:
         """Values that are as likely as this says, (count, d)."""
         normal = rng.multivariate_normal(np.zeros(len(self.mean)), self.alike, count, method="eigh")
@@ -69,17 +89,18 @@ class _Space:
         mean, sd = np.nanmean(numbers[:, usable], axis=0), np.nanstd(numbers[:, usable], axis=0)
         usable[np.flatnonzero(usable)[sd < 1e-9]] = False
         mean, sd = mean[sd >= 1e-9], sd[sd >= 1e-9]
-        plain = _standard(numbers[:, usable], mean, sd)
+        plain = standard(numbers[:, usable], mean, sd)
         _, size, axes = np.linalg.svd(plain, full_matrices=False)
         return cls(usable, mean, sd, axes, np.sqrt(np.maximum(size, 1e-6) / sqrt(len(numbers))))
 
     def at(self, numbers: F64, components: int) -> F64:
         """Places (n, components)."""
-        plain = _standard(numbers[:, self.usable], self.mean, self.sd)
+        plain = standard(numbers[:, self.usable], self.mean, self.sd)
         return plain @ self.axes[:components].T / self.scale[:components]
 
 
-def _standard(numbers: F64, mean: F64, sd: F64) -> F64:
+def standard(numbers: F64, mean: F64, sd: F64) -> F64:
+    """Numbers in deviations from their mean, cut off, 0 where they are not there."""
     return np.clip(np.nan_to_num((numbers - mean) / sd), -FARTHEST, FARTHEST)
 
 
@@ -139,12 +160,17 @@ def ask(shares: F64, numbers: F64, tuned: F64, seen: F64) -> Answer:
     quantile = np.quantile(np.abs(errors), rank, axis=0)
     low, high = (np.clip(mean + sign * quantile * sd, 0.0, 1.0) for sign in (-1.0, 1.0))
     is_stray = _is_stray(space, numbers, seen)
-    is_known = (high - low < TOLD * (CENTRAL[1] - CENTRAL[0])) & (not is_stray)
+    is_known = _is_told(low, high) & (not is_stray)
     low, high = np.where(is_known, low, CENTRAL[0]), np.where(is_known, high, CENTRAL[1])
     return Answer(
         np.where(is_known, np.clip(mean, 0.0, 1.0), 0.5), low, high, sd * errors.std(axis=0),
         np.corrcoef(errors.T), is_known, is_stray,
     )  # fmt: skip
+
+
+def _is_told(low: F64, high: F64) -> Mask:
+    """Whether intervals say something."""
+    return np.asarray(high - low < TOLD * (CENTRAL[1] - CENTRAL[0]), bool)
 
 
 def answer_in(data: Mapping[str, Any]) -> Answer:

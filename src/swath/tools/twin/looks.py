@@ -2,7 +2,8 @@
 
 First echoes lie in a matrix of lines and azimuths. In each of a few sectors: quantiles of the distance ahead,
 in logarithms, of the steps between beams, and the share of beams without an echo. No pose, no ground and
-no speed enters: they are the same for a simulation and for a recording that is longer.
+no speed enters: they are the same for a simulation and for a recording that is longer. Beside them those of
+`structure`, which are not learned from.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,6 +20,8 @@ from swath.judge.evaluator import EvaluatorSetup, Metric
 from swath.sensing.lidar_sheet import LidarSheet
 from swath.signals import F32, F64, Scan, Signal
 from swath.tools.height_map.source import Source
+from swath.tools.twin.structure import NAMES as STRUCTURE
+from swath.tools.twin.structure import structure_of
 
 SECTORS, GROUPS = 12, 4  # of the azimuth, and of lines at most
 AHEAD, STEPS = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98), (0.1, 0.25, 0.5, 0.75, 0.9)  # quantiles
@@ -32,6 +35,8 @@ MOST_BEAMS = 600  # of a scan that are looked at
 EACH = len(AHEAD) + len(APART) * len(STEPS) + 1
 COUNT = GROUPS * SECTORS * EACH + 2
 NAMES = tuple(f"scan_look_{n:03d}" for n in range(COUNT))
+EVERY = NAMES + STRUCTURE
+Beams = tuple[F64, F64, F64, F64]
 REFERENCE = f"{Path(__file__).resolve()}:ScanLooks"
 
 
@@ -54,8 +59,12 @@ class View:
         """First and last azimuth, as a scenario has them."""
         return [round(float(a / DEG), 4) for a in self.azimuth[[0, -1]]]
 
-    def laid(self, azimuth: F64, elevation: F64, ranges: Any) -> F32:
-        """Ranges (lines, count) [m] of a scan, nan = no echo.
+    def ahead(self, ranges: F32) -> F64:
+        """Distances ahead (..., count) [m] of ranges."""
+        return np.asarray(ranges * np.cos(np.minimum(np.abs(self.azimuth), ASIDE)), np.float64)
+
+    def laid(self, azimuth: F64, elevation: F64, ranges: Any, values: Any = None) -> F32:
+        """Ranges (lines, count) [m] of a scan, nan = no echo; or other values of the same echoes.
 
         Of each place the beam next to it, and of that the first echo.
         """
@@ -65,12 +74,11 @@ class View:
         off = np.abs(column - nearest)
         inside = known & (nearest >= 0) & (nearest < self.count) & (off <= 0.5)
         line = np.abs(elevation[inside, None] - np.array(self.lines)).argmin(axis=1)
-        values = np.asarray(ranges, np.float32)[inside]
-        last = np.lexsort((values, np.round(off[inside], 3)))[
-            ::-1
-        ]  # of what lies in one place the last counts
+        order = np.lexsort((np.asarray(ranges, np.float32)[inside], np.round(off[inside], 3)))
+        last = order[::-1]  # of what lies in one place the last counts
         found = np.full((len(self.lines), self.count), np.nan, np.float32)
-        found[line[last], nearest[inside][last]] = values[last]
+        laid = np.asarray(ranges if values is None else values, np.float32)
+        found[line[last], nearest[inside][last]] = laid[inside][last]
         return found
 
 
@@ -84,8 +92,7 @@ def view_of(azimuth: F64, elevation: F64) -> View:
 
 def numbers_of(stack: F32, view: View) -> F64:
     """The numbers (COUNT,) of scans (scans, lines, beams); nan where a sector has too few echoes."""
-    azimuth = view.azimuth
-    ahead = np.log(stack * np.cos(np.minimum(np.abs(azimuth), ASIDE)))
+    ahead = np.log(view.ahead(stack))
     parts = np.array_split(np.arange(view.count), SECTORS)
     groups = np.array_split(np.arange(len(view.lines)), min(GROUPS, len(view.lines)))
     found = [_sector(ahead[:, lines][:, :, beams]) for lines in groups for beams in parts]
@@ -117,10 +124,10 @@ class ScanLooks:
 
     OF_FIELD = False
     SIGNALS = (Scan,)
-    METRICS = tuple(Metric(name, "", "how its scans look", "Run") for name in NAMES)
+    METRICS = tuple(Metric(name, "", "how its scans look", "Run") for name in EVERY)
 
     def __init__(self, setup: EvaluatorSetup) -> None:
-        self._slot, self._scans = "", list[F32]()
+        self._slot, self._scans, self._bright = "", list[F32](), list[F32]()
         self._view: View | None = None
 
     def see(self, slot: str, t: int, outputs: Mapping[str, Signal]) -> None:
@@ -128,27 +135,47 @@ class ScanLooks:
         for scan in outputs.values():
             if isinstance(scan, Scan) and t > 0 and slot == (self._slot or slot):
                 self._slot, self._view = slot, self._view or view_of(scan.azimuth, scan.elevation)
-                self._scans.append(self._view.laid(scan.azimuth, scan.elevation, scan.ranges[:, 0]))
+                beams = scan.azimuth, scan.elevation, scan.ranges[:, 0]
+                self._scans.append(self._view.laid(*beams))
+                self._bright.append(self._view.laid(*beams, scan.intensity[:, 0]))
 
     def metrics(self) -> dict[str, float]:
         """The numbers; nothing without scans."""
         if self._view is None:
             return {}
-        return dict(zip(NAMES, map(float, numbers_of(np.stack(self._scans), self._view)), strict=True))
+        stack = np.stack(self._scans)
+        structure = structure_of(self._view.ahead(stack), np.stack(self._bright))
+        every = np.concatenate([numbers_of(stack, self._view), structure])
+        return dict(zip(EVERY, map(float, every), strict=True))
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """Scans of recordings. stack: (scans, lines, beams) [m]; rate: scans a second [Hz]."""
+    """Scans of recordings. stack: (scans, lines, beams) [m]; rate: scans a second [Hz].
+
+    bright: intensity of the same echoes, nan = not known; times: of the scans of each recording [s]
+    """
 
     view: View
     stack: F32
     rate: float
+    bright: F32
+    times: Sequence[F64]
 
     @property
     def numbers(self) -> F64:
         """As `numbers_of`."""
         return numbers_of(self.stack, self.view)
+
+    def structure(self, rate: float, parts: Sequence[float]) -> F64:
+        """As `structure_of` at so many scans a second, of the first part of each recording; their mean."""
+        ahead, first, found = self.view.ahead(self.stack), 0, list[F64]()
+        for times, part in zip(self.times, parts, strict=True):
+            wanted = np.arange(times[0], times[0] + part * (times[-1] - times[0]) + 1e-6, 1.0 / rate)
+            scans = first + np.unique(np.abs(times - wanted[:, None]).argmin(axis=1))
+            found.append(structure_of(ahead[scans], self.bright[scans]))
+            first += len(times)
+        return np.asarray(np.mean(found, axis=0), np.float64)
 
 
 def read_looks(sources: Sequence[Source], sheet: LidarSheet, view: View | None = None) -> Recorded:
@@ -156,7 +183,7 @@ def read_looks(sources: Sequence[Source], sheet: LidarSheet, view: View | None =
 
     InputError for scans that are in the map already, or without echoes.
     """
-    scans, times = list[tuple[F64, F64, F64]](), list[F64]()
+    scans, times = list[Beams](), list[F64]()
     for source in sources:
         if source.frame_is_world:
             raise InputError(
@@ -164,18 +191,19 @@ def read_looks(sources: Sequence[Source], sheet: LidarSheet, view: View | None =
             )
         made = [*_scans(source)]
         scans += [scan for _, scan in made]
-        times.append(np.diff([t for t, _ in made]))
+        times.append(np.array([t for t, _ in made]))
     if not scans:
         raise InputError("scans", ", ".join(s.name for s in sources), "expected scans with echoes")
     view = view or _seen_by(scans, sheet)
-    stack = np.stack([view.laid(*scan) for scan in scans])
-    gaps = np.concatenate(times)
+    stack = np.stack([view.laid(*scan[:3]) for scan in scans])
+    bright = np.stack([view.laid(*scan) for scan in scans])
+    gaps = np.concatenate([np.diff(t) for t in times])
     rate = 1.0 / float(np.median(gaps[gaps > 0.0])) if (gaps > 0.0).any() else sheet.rates_hz[0]
-    return Recorded(view, stack, rate)
+    return Recorded(view, stack, rate, bright, [t for t in times if len(t)])
 
 
-def _scans(source: Source) -> Iterator[tuple[float, tuple[F64, F64, F64]]]:
-    """Time [s], and azimuth, elevation [rad] and range [m] of the echoes, of each scan."""
+def _scans(source: Source) -> Iterator[tuple[float, Beams]]:
+    """Time [s], and azimuth, elevation [rad], range [m] and intensity of the echoes, of each scan."""
     for echoes in source.sweeps():
         x, y, z = echoes.points.T
         azimuth, flat = np.arctan2(y, x), np.hypot(x, y)
@@ -184,23 +212,23 @@ def _scans(source: Source) -> Iterator[tuple[float, tuple[F64, F64, F64]]]:
             turns = np.diff(azimuth)
             ahead = np.mod(np.sign(np.median(turns)) * turns + BACK, 2.0 * np.pi) - BACK
             cuts = np.flatnonzero(np.diff(np.floor(np.cumsum(ahead) / (2.0 * np.pi) + 1e-6), prepend=0.0)) + 1
-        every = np.stack([echoes.time, azimuth, np.arctan2(z, flat), np.hypot(flat, z)])
+        every = np.stack([echoes.time, azimuth, np.arctan2(z, flat), np.hypot(flat, z), echoes.intensity])
         for time, *beams in np.split(every, cuts, axis=1):
             if len(time):
-                yield float(time[0]), (beams[0], beams[1], beams[2])
+                yield float(time[0]), (beams[0], beams[1], beams[2], beams[3])
 
 
-def _seen_by(scans: Sequence[tuple[F64, F64, F64]], sheet: LidarSheet) -> View:
+def _seen_by(scans: Sequence[Beams], sheet: LidarSheet) -> View:
     """The view of recorded scans: sector and step by their echoes, lines by the data sheet."""
     lines = tuple(map(float, np.unique(sheet.line_elevation)))
     some = scans[:: max(1, len(scans) // 50)]
-    each = [np.sort(a[np.abs(e[:, None] - lines).argmin(axis=1) == 0]) for a, e, _ in some]
+    each = [np.sort(a[np.abs(e[:, None] - lines).argmin(axis=1) == 0]) for a, e, *_ in some]
     steps = np.concatenate([np.diff(a) for a in each])
     steps = steps[steps > 1e-5]
     if not len(steps):
         raise InputError("scans", None, "expected scans of several beams beside each other")
     step = float(np.median(steps))
-    every = np.sort(np.concatenate([a for a, _, _ in some]))
+    every = np.sort(np.concatenate([a for a, *_ in some]))
     begins = int(np.argmax(np.diff(every, prepend=every[-1] - 2.0 * np.pi)))  # behind the widest gap
     first, last = float(every[begins]), float(every[begins - 1])
     beams = round(float(np.mod(last - first, 2.0 * np.pi)) / step) + 1

@@ -21,9 +21,9 @@ from swath.tools.compare_scans.page import (
 from swath.tools.twin.check import DIFFERS, FITS, Checked, write_evidence_of
 
 ABOUT = (
-    "The recording fits where it lies no further from simulations, drawn as the twin says, than these lie "
-    "from each other. Explained is the share by which the twin brings heights nearer to the recording than "
-    "the middle of what was possible before, noise apart."
+    "The recording fits where the bank says the same of it as the twin does, within both intervals, and its "
+    "echoes hang together as those of the bank do. Explained is the share by which "
+    "the twin brings heights nearer to the recording than the middle of its ranges does, noise apart."
 )
 ABOUT_BEAMS = (
     "Standard deviation of the ranges of each beam that sees one surface, and how far its median has moved "
@@ -36,7 +36,7 @@ def write_check(out: Path, found: Checked) -> Path:
     write_evidence_of(out, found)
     twin, recording = found.names
     facts = {
-        "simulations as far off": percent_of(found.further),
+        "of what fits as far off": percent_of(found.chance),
         "explained": percent_of(found.explained) if np.isfinite(found.explained) else None,
         "recording": recording,
     }
@@ -57,7 +57,7 @@ def write_check(out: Path, found: Checked) -> Path:
         sections,
         heading=f"Twin {twin}",
         lead=f"against {recording}, which it was not made of",
-        verdict=(look, found.verdict, f"{percent_of(found.further)} of the simulations are as far off"),
+        verdict=(look, found.verdict, f"{percent_of(found.chance)} of what fits is as far off"),
         top=[Facts(facts)],
     )
 

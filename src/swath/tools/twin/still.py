@@ -25,7 +25,7 @@ from swath.signals import F32, F64, I64
 from swath.tools.distributions import wasserstein1
 from swath.tools.height_map.source import Source
 from swath.tools.tune.parameters import Parameter
-from swath.tools.twin.check import ALPHA, DIFFERS, FITS, UNKNOWN, Checked, further_than
+from swath.tools.twin.check import ALPHA, DIFFERS, FITS, UNKNOWN, Checked
 from swath.tools.twin.fit import Estimate, estimates_of, write_scenario
 from swath.tools.twin.learned import Answer, answer_in, ask, learn
 from swath.tools.twin.looks import Recorded, View, read_looks
@@ -39,6 +39,7 @@ STEADY = 0.5  # share of the scans in which a beam that counts has an echo
 FLICKER = 6.0  # noise of a beam over the data sheet's above which it sees two surfaces; chosen
 BEAMS = 10  # steady ones at least
 ONE_SIGMA = (0.1587, 0.8413)  # shares of a normal distribution below
+SHRUNK, LEAST = 0.3, 0.02  # of covariances: towards their diagonal, and a floor; chosen
 SPREAD = (0.1, 0.25, 0.5, 0.75, 0.9)  # quantiles over the beams
 PARAMETERS = [
     Parameter("noise_factor", *FACTOR, is_log=True),
@@ -117,6 +118,39 @@ def answer_of(scene: Scene, sheet: LidarSheet, seed: int) -> Answer:
 def _simulations(scene: Scene, sheet: LidarSheet, shares: F64, seed: int) -> F64:
     each = (scene.simulated(sheet, at, Stream(seed, "still scans").at(n)) for n, at in enumerate(shares))
     return np.stack([scene.numbers(off, sheet) for off in each])
+
+
+def further_than(sims: F64, seen: F64, shares: F64) -> float:
+    """Share of simulations, the recording counted with them, that lie at least as far from the others.
+
+    Far is the distance that is left when the unknowns are moved to where it is least, by a plane through the
+    others, in deviations of these about it and of the unknowns (a profile likelihood with their prior).
+
+    sims: numbers (n, m); seen: (m,), nan = not there; shares: what simulations differ in and is known (n, d)
+    """
+    usable = np.isfinite(seen) & np.isfinite(sims).all(axis=0)
+    others, one = sims[:, usable], seen[usable]
+    moves = (shares - shares.mean(axis=0)) / np.maximum(shares.std(axis=0), 1e-6)
+    every = np.arange(len(others))
+    far = np.array([_left(others[every != n], moves[every != n], others[n]) for n in every])
+    last = _left(others, moves, one)
+    return float((1 + np.count_nonzero(far >= last)) / (len(sims) + 1))
+
+
+def _left(others: F64, moves: F64, one: F64) -> float:
+    """The squared distance of `further_than`."""
+    mean, sd = others.mean(axis=0), np.maximum(others.std(axis=0), 1e-3)
+    plain, seen, moved = (others - mean) / sd, (one - mean) / sd, moves - moves.mean(axis=0)
+    ridge = np.eye(moves.shape[1])
+    slopes = np.linalg.solve(moved.T @ moved + ridge, moved.T @ plain)
+    about = plain - moved @ slopes
+    free = max(1.0, len(others) - 1.0 - moves.shape[1])
+    covariance = (1.0 - SHRUNK) * about.T @ about / free
+    covariance[np.diag_indices(len(covariance))] += SHRUNK * (about**2).sum(axis=0) / free + LEAST
+    weighed = np.linalg.solve(covariance, np.column_stack([seen, slopes.T]))
+    best = np.linalg.solve(slopes @ weighed[:, 1:] + ridge, slopes @ weighed[:, 0])
+    rest = weighed[:, 0] - weighed[:, 1:] @ best
+    return float((seen - best @ slopes) @ rest + best @ best)
 
 
 def fit_still(out: Path, sources: Sequence[Source], sheet: str, seed: int) -> tuple[list[Estimate], Answer]:
