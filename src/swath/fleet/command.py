@@ -8,7 +8,8 @@ from swath.core.errors import InputError
 from swath.terminal.options import add_folder, add_replace, add_sets, option, verb
 
 PLACE = "many", 3  # among all commands
-FILES = ("results.json", "job.png", "report.html", "replay.html", "plan.json", "draws.json")
+PAGES = "report.html", "replay.html"
+FILES = ("results.json", "job.png", *PAGES, "plan.json", "draws.json")
 LEVELS = {"events": "hours from the order at shared places alone", "driven": "bodies, too"}
 GONE = {  # levels of 0.2
     "kinematic": "it is `driven` now",
@@ -45,12 +46,12 @@ def run_job(args: argparse.Namespace) -> int:
     """Run a job, print its tables, write its report."""
     from swath.fleet.driven import driven
     from swath.fleet.files import base_of, read_job
-    from swath.fleet.report import check_target, machine_rows, result_rows, wait_rows, write_result
+    from swath.fleet.report import check_target, hour_rows, load_rows, result_rows, wait_rows, write_result
     from swath.fleet.search import best_of
     from swath.fleet.spread import DRAWS, spread_of
     from swath.fleet.worked import by_events, checked
     from swath.terminal.progress import steps
-    from swath.terminal.tables import table, wide_console
+    from swath.terminal.tables import say, table, whole
 
     if args.level not in LEVELS:
         instead = f"; {GONE[args.level]}" if args.level in GONE else ""
@@ -71,14 +72,15 @@ def run_job(args: argparse.Namespace) -> int:
         schedule.notes.extend(f"a draw of the spread is refused: {why}" for why in refused)
     telling = [row for row in result_rows(worked) if row[1].strip("0.")]  # a 0 is left to the page
     table(f"{job.name}: {job.summary}", ("name", "value", "unit"), telling)
-    table("minutes of each machine", *machine_rows(worked))
+    table("hours of each machine", *hour_rows(worked))
+    table("what each machine did", *load_rows(worked))
     table("what machines waited for", ("machine", "for", "min"), wait_rows(worked))
-    console = wide_console()
     for note in checked(worked):
-        console.print(f"note: {note}", markup=False)
+        say(f"note: {note}")
     if args.out is not None:
         write_result(worked, job.name, job.summary, args.out, changes)
-        console.print(f"written: {args.out}/report.html", markup=False)
+        for page in PAGES:
+            say(f"{page.partition('.')[0]}: {whole(str(args.out / page))}")
     return 0
 
 

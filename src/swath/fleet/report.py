@@ -15,7 +15,7 @@ from swath.core.number_text import num
 from swath.documents.json_file import read_object, write_json
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
-from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, Worked, checked, grain, litres_per_ha, stays, used
+from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, WENT, Worked, checked, grain, litres_per_ha, stays, used
 from swath.replay.writer import packed, render
 from swath.report import plots
 from swath.report.html import Beside, Figure, Items, Section, Table, counted, write_page
@@ -28,7 +28,8 @@ TOLD = 30.0  # s: longer waits are moments
 LOADS = ("pair", "loads", "grain t", "of it while cutting %")
 ABOUT_MINUTES = (
     "Field efficiency: the area over what the headers could cut at the speed that the crop allows, in the "
-    "time until the last pass is cut. load: a cart while grain flows into it. Who meets a partner waits "
+    "time until the last pass is cut. Minutes go until the last grain is at the truck, way and diesel until "
+    "all machines are home. load: a cart while grain flows into it. Who meets a partner waits "
     "for it, or for ground that another one has; diesel of carts is an estimate."
 )
 ABOUT_ROUTES = (
@@ -87,16 +88,31 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
     return rows
 
 
-def machine_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:
-    """Heads and rows of the minutes of all machines."""
+def hour_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Heads and rows of the hours of all machines by what they went for, and their sum."""
+    rows = []
+    for name in w.spans:
+        hours = [math.fsum(w.minutes(name, state) for state in states) / 60.0 for states in WENT.values()]
+        rows.append([name, *(num(h, places=3) for h in (*hours, math.fsum(hours)))])
+    return ("machine", *WENT, "in all"), rows
+
+
+def load_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Heads and rows of what all machines poured, drove and burnt."""
     rows, took = [], used(w)
     for name in w.spans:
         out = [p for p in w.poured if p.source == name]
-        minutes = [num(w.minutes(name, state)) for state in SHOWN]
         tons = math.fsum(p.amount for p in out) / 1000.0
         driven = num(took[name].way / 1000.0), num(took[name].litres)
-        rows.append([name, *minutes, str(len(out)), num(tons), *driven])
-    return ("machine", *SHOWN, "loads", "grain t", "way km", "diesel l"), rows
+        rows.append([name, str(len(out)), num(tons), *driven])
+    return ("machine", "loads", "grain t", "way km", "diesel l"), rows
+
+
+def machine_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Heads and rows of the minutes of all machines, and of what they did."""
+    (first, *head), rows = load_rows(w)
+    minutes = [[num(w.minutes(name, state)) for state in SHOWN] for name in w.spans]
+    return (first, *SHOWN, *head), [[r[0], *m, *r[1:]] for r, m in zip(rows, minutes, strict=True)]
 
 
 def pair_rows(w: Worked) -> list[tuple[str, str, str, str]]:

@@ -32,6 +32,9 @@ STATE_OF = {  # of a segment's kind; all others are ways
 NEXT_TRUCK, GROUND_OF = "the next truck", "ground of "
 WAITS = ("waits for partner", "waits for ground", "waits for truck")
 SHOWN = (*STATES[:-2], *WAITS, IDLE)  # states, with what is waited for
+WENT = {  # what hours go for, of states
+    "cutting": (CUT,), "ways": (WAY, BESIDE), "pouring": (POUR, LOAD, TRUCK), "waiting": (WAIT,), "idle": (IDLE,),
+}  # fmt: skip
 SHORT = 1e-3  # s, least time that grain takes to flow
 FAR = 2.0  # times the bound, beyond which a note says so
 AT_ONCE = 4000  # times that bodies are looked at together
@@ -84,8 +87,13 @@ class Worked:
     draws: tuple[float, ...] = ()
 
     def minutes(self, name: str, state: str) -> float:
-        """That a machine spent so, in a state or in one of `SHOWN`."""
-        return math.fsum(s.end - s.begin for s in self.spans[name] if state in (s.state, s.shown)) / 60.0
+        """That a machine spent so until the job ends, in a state or in one of `SHOWN`. It is idle where it has
+        nothing to do any more; what it does once the job has ended (the way home) does not count.
+        """
+        over, of = max(self.ends, self.cut), self.spans[name]
+        times = [max(min(s.end, over) - s.begin, 0.0) for s in of]
+        spent = math.fsum(t for t, s in zip(times, of, strict=True) if state in (s.state, s.shown))
+        return (spent + (max(over - math.fsum(times), 0.0) if state == IDLE else 0.0)) / 60.0
 
     def waited(self, name: str) -> dict[str, float]:
         """Minutes that a machine waited, by reason."""

@@ -11,6 +11,7 @@ PIPE_WIDTH = 1000  # columns of a pipe or file: lines stay whole
 EDGE, BETWEEN = 2, 3  # blanks beside a table, and between two of its columns
 _GROUP = r"(?<=\d) (?=\d{3}(?!\d))"  # a blank in a number
 _DOT = r"(?<=[^\W\d]\.)(?=[^\W\d])|(?<=[/,])(?=[^\d/])"  # in a key, a path or a list
+KEPT = "\N{NO-BREAK SPACE}"
 BLANK = re.compile(rf"(?!{_GROUP})\s+")
 INSIDE, ANYWHERE = re.compile(_DOT), re.compile(rf"(?!{_GROUP})\s+|{_DOT}")
 
@@ -33,13 +34,15 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> 
     from rich.table import Table
 
     console = wide_console()
+    if title:
+        say(title)
     cells = [[str(cell) for cell in row] for row in rows]
     widths = _widths(columns, cells, console.width)
     if sum(widths) + EDGE + BETWEEN * (len(columns) - 1) > console.width:
-        for line in [title] * bool(title) + _blocks(columns, cells, console.width):
+        for line in _blocks(columns, cells, console.width):
             print(line)
         return
-    made = Table(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    made = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     heads, *texts = [
         ["\n".join(broken(c, w)) for c, w in zip(row, widths, strict=True)] for row in (columns, *cells)
     ]
@@ -104,10 +107,15 @@ def say(text: str) -> None:
     import textwrap
 
     indent, width = " " * (len(text) - len(text.lstrip())), wide_console().width
-    whole = textwrap.TextWrapper(
+    lines = textwrap.TextWrapper(
         width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
-    print(whole.fill(text))
+    print(lines.fill(re.sub(_GROUP, KEPT, text)).replace(KEPT, " "))
+
+
+def whole(text: str) -> str:
+    """A text, such as a path, that `say` does not break."""
+    return text.replace(" ", KEPT)
 
 
 def as_json(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -137,5 +145,5 @@ def paragraphs(items: Sequence[tuple[str, str]]) -> None:
         lines = textwrap.wrap(
             text, width, initial_indent=head, subsequent_indent=" " * indent, break_on_hyphens=False
         )
-        body = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
+        body = "\n".join(lines).replace(KEPT, " ")
         console.print(Text(body[: len(head)]).append(body[len(head) :], style="dim"))
