@@ -15,7 +15,19 @@ from swath.core.number_text import num
 from swath.documents.json_file import read_object, write_json
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
-from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, WENT, Worked, checked, grain, litres_per_ha, stays, used
+from swath.fleet.worked import (
+    CUT,
+    SHOWN,
+    STATES,
+    WAIT,
+    WENT,
+    Worked,
+    checked,
+    grain,
+    litres_per_ha,
+    stays,
+    used,
+)
 from swath.replay.writer import packed, render
 from swath.report import plots
 from swath.report.html import Beside, Figure, Items, Section, Table, counted, write_page

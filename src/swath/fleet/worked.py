@@ -33,7 +33,8 @@ NEXT_TRUCK, GROUND_OF = "the next truck", "ground of "
 WAITS = ("waits for partner", "waits for ground", "waits for truck")
 SHOWN = (*STATES[:-2], *WAITS, IDLE)  # states, with what is waited for
 WENT = {  # what hours go for, of states
-    "cutting": (CUT,), "ways": (WAY, BESIDE), "pouring": (POUR, LOAD, TRUCK), "waiting": (WAIT,), "idle": (IDLE,),
+    "cutting": (CUT,), "ways": (WAY, BESIDE), "pouring": (POUR, LOAD, TRUCK), "waiting": (WAIT,),
+    "idle": (IDLE,),
 }  # fmt: skip
 SHORT = 1e-3  # s, least time that grain takes to flow
 FAR = 2.0  # times the bound, beyond which a note says so
@@ -87,7 +88,7 @@ class Worked:
     draws: tuple[float, ...] = ()
 
     def minutes(self, name: str, state: str) -> float:
-        """That a machine spent so until the job ends, in a state or in one of `SHOWN`. It is idle where it has
+        """That a machine spent so until the job ends, in a state or one of `SHOWN`. It is idle where it has
         nothing to do any more; what it does once the job has ended (the way home) does not count.
         """
         over, of = max(self.ends, self.cut), self.spans[name]
