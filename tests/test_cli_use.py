@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from swath.scenario.scenario import load_scenario
 from swath.terminal import tables
 from swath.terminal.outcome import print_outcome
 from swath.terminal.tables import table
+from tests.printed import are_whole, run_of, words_of
 
 SHORT = ["run.distance_m=5", "combine.lidar.level=empirical", "combine.edge=truth", "run.record=none"]
 
@@ -191,8 +191,7 @@ def test_drawn_tables_break_between_words_and_at_dots(columns, capsys, monkeypat
         rows = [[cell() for _ in heads] for _ in range(rng.randint(1, 5))]
         table("", heads, rows)
         lines = capsys.readouterr().out.splitlines()
-        shown = {piece for line in lines for piece in re.split(r" {2,}", line.strip())}
-        words = {w for piece in shown for w in (piece, *tables.BLANK.split(piece))}
+        words = words_of(lines)
         is_table = "─" in "".join(lines)  # else each cell is a line, behind its column's name
         for text in (text for row in (heads * is_table, *rows) for text in row):
             for whole in tables.BLANK.split(text):
@@ -202,16 +201,6 @@ def test_drawn_tables_break_between_words_and_at_dots(columns, capsys, monkeypat
         assert max(map(len, lines)) <= max(columns, max(map(len, heads)) + 2 + 14)
     assert broken_keys > 10
     assert 0 < blocks < 60 or columns == 100
-
-
-def run_of(whole, words):
-    """The pieces that a word was broken into: as long ones as there are, each behind a dot, `/` or `,`."""
-    pieces, made = tables.INSIDE.split(whole), []
-    while pieces:
-        ends = [n for n in range(len(pieces), 0, -1) if "".join(pieces[:n]) in words] or [len(pieces)]
-        made.append("".join(pieces[: ends[0]]))
-        pieces = pieces[ends[0] :]
-    return made
 
 
 @pytest.mark.parametrize("columns", [60, 80, 100])
@@ -225,14 +214,7 @@ def test_tables_of_commands_break_between_words_and_at_dots(columns, capsys, mon
         with suppress(SystemExit):
             main(command.split())
         lines = capsys.readouterr().out.splitlines()
-        parts = [part for line in lines for part in re.split(r" {2,}", line.strip())]
-        words = {w for part in parts for w in (part, *tables.BLANK.split(part))}
-        for heads, rows in printed:
-            for text in (str(text) for row in (heads, *rows) for text in row):
-                for whole in tables.BLANK.split(text.strip()):
-                    assert whole in words or all(p in words for p in run_of(whole, words)), (command, whole)
-        wide = [line for line in lines if len(line) > columns and " " in line]  # a path alone may be
-        assert not printed or not wide, command
+        are_whole(lines, columns, printed)
         walked += [len(rows) for _, rows in printed]
         printed.clear()
     print(f"{len(walked)} tables, {sum(walked)} rows")

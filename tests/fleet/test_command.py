@@ -1,8 +1,14 @@
 """The command: which levels there are, and where those of 0.2 went."""
 
+import json
+import math
+from pathlib import Path
+
 import pytest
 
 from swath.commands.main import main
+from swath.terminal import tables
+from tests.printed import are_whole
 
 
 @pytest.mark.parametrize(
@@ -59,3 +65,40 @@ def test_what_leads_nowhere_is_named_by_its_key(capsys, change, said):
     told = " ".join(capsys.readouterr().err.split())
     assert said in told
     assert "grain-cart" not in told
+
+
+LONG_NAMES = """
+format: swath fleet 1
+name: the long field behind the old mill
+summary: three machines with names as long as people give them
+field: {boundary_m: [[0, 0], [75, 0], [75, 60], [0, 60]]}
+combines: {combine_of_the_neighbour_2019: {}, second_combine_with_9_m_header: {}}
+carts: {tractor_and_chaser_bin_of_the_pool: {}}
+truck: {x_m: 30, y_m: -30}
+"""
+
+
+@pytest.mark.parametrize(("columns", "job"), [(80, "small-field"), (80, "long"), (60, "small-two-combines")])
+def test_what_a_job_prints_is_whole_and_says_where_the_hours_went(
+    columns, job, capsys, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    widths, printed = tables._widths, []
+    monkeypatch.setattr(tables, "_widths", lambda *told: printed.append(told[:2]) or widths(*told))
+    if job == "long":
+        job = str(tmp_path / "long.yaml")
+        Path(job).write_text(LONG_NAMES)
+    out = tmp_path / "all that came out"
+    assert main(["fleet", "run", job, "--set", "fleet.plans=1", "--out", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    pages = [line for line in lines if line.startswith(("report: ", "replay: "))]
+    assert [Path(line.split(": ", 1)[1]) for line in pages] == [out / "report.html", out / "replay.html"]
+    assert all(Path(line.split(": ", 1)[1]).is_file() for line in pages)
+    are_whole([line for line in lines if line not in pages], columns, printed)
+    rows = next(rows for heads, rows in printed if "cutting" in heads)
+    ends = json.loads((out / "results.json").read_text())["duration_s"] / 3600.0
+    assert len(rows) >= 2
+    for _, *cells in rows:
+        *parts, whole = map(float, cells)
+        assert math.fsum(parts) == pytest.approx(whole, abs=0.0006 * len(cells))
+        assert whole == pytest.approx(ends, abs=0.0006)

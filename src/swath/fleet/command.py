@@ -80,7 +80,7 @@ def run_job(args: argparse.Namespace) -> int:
     if args.out is not None:
         write_result(worked, job.name, job.summary, args.out, changes)
         for page in PAGES:
-            say(f"{page.partition('.')[0]}: {whole(str(args.out / page))}")
+            say(whole(f"{page.partition('.')[0]}: {args.out / page}"))
     return 0
 
 
