@@ -94,6 +94,23 @@ def test_a_combine_backs_out_of_a_dead_end_and_a_cart_cannot():
     assert finder.find(CART, TOWS, start, goal) is None
 
 
+@pytest.mark.parametrize("deep", [8.0, 16.0, 33.0])
+@pytest.mark.parametrize("bend", [0.0, 0.04])
+def test_who_is_shut_in_by_a_pass_goes_back_as_it_came(deep, bend):
+    """Crop stands 10 cm beside the body, where ways keep 15 cm."""
+    finder = ground([(20.0, 60.0, 30.0, 38.5), (20.0, 60.0, 42.0, 50.0)])
+    came = driven(
+        Place(8.0, 40.25, 0.0, 0.0), [(0.0, deep), (-bend, 4.0), (bend, 8.0), (-bend, 4.0)], COMBINE
+    )
+    start, goal = Place(*came.places[-1].tolist()), Place(12.0, 70.0, math.pi / 2, math.pi / 2)
+    assert finder.find(COMBINE, DRIVE, start, goal) is None
+    way = finder.find(COMBINE, DRIVE, start, goal, came=came)
+    back = way.places[way.distance < 9.8, :2]  # the length of its body
+    assert np.hypot(*(back[:, None] - came.places[None, :, :2]).transpose(2, 0, 1)).min(axis=1).max() < 1e-6
+    assert way.end[:2] == pytest.approx(goal[:2], abs=1e-6)
+    assert finder.find(COMBINE, replace(DRIVE, backwards=0.0), start, goal, came=came) is None
+
+
 @pytest.mark.parametrize("goal", [(60.0, 62.0, math.pi), (75.0, 30.0, -math.pi / 2), (85.0, 55.0, 0.0)])
 def test_a_trailer_that_has_to_be_in_line_comes_straight_to_the_goal_at_once(goal):
     finder = ground()

@@ -44,22 +44,23 @@ LEFT_KG = 1e-6  # of grain, that is none
 class Params:
     """cut_m: longest segment of a pass, a third of it in bends; joins: how far off [m, rad] a pass may begin
     that is gone on to without a way; align_s: until a cart that has come beside is in line; tries: passes
-    that are looked at, the nearest first; poses: of a search before passes are left out; few: of carts
-    that can come first, and of places to come beside at; soon_s: within which a machine stands that a way
-    leads around; part: of a tank, up to which a combine begins a pass that its tank does not take; long_s:
-    beside cutting, from where on it may be emptied before instead, and more cost of a place at which
-    nobody could be emptied; behind: share in the cost of a place of a cart's way to the truck, which keeps
-    nobody waiting; saves_s: less than which is no reason to look at another pass; out_percent: of the
-    field that is left where no way leads; load: of a tank, or all but that of the room in a box, less than
-    which nobody comes beside for; lags: behind the best plan, share of its time, at which another one is
-    given up. Estimates.
+    that are looked at, the nearest first; poses: of a search, from where on more shorten the hours of
+    drawn fields no further, and of one before passes are left out; few: of carts that can come first, and
+    of places to come beside at; soon_s: within which a machine stands that a way leads around; part: of a
+    tank, up to which a combine begins a pass that its tank does not take; long_s: beside cutting, from
+    where on it may be emptied before instead, and more cost of a place at which nobody could be emptied;
+    behind: share in the cost of a place of a cart's way to the truck, which keeps nobody waiting;
+    saves_s: less than which is no reason to look at another pass; out_percent: of the field that is left
+    where no way leads; load: of a tank, or all but that of the room in a box, less than which nobody
+    comes beside for; lags: behind the best plan, share of its time, at which another one is given up.
+    Estimates.
     """
 
     cut_m: float = 8.0
     joins: tuple[float, float] = (0.01, 0.002)
     align_s: float = 10.0
     tries: int = 4
-    poses: int = 96_000
+    poses: tuple[int, int] = (24_000, 96_000)
     few: int = 2
     soon_s: float = 30.0
     part: float = 0.5
@@ -295,7 +296,7 @@ class Scheduler:
         self.table = self.schedule.table
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
-        self.patience, self.poses = 1, WAYS.poses
+        self.patience, self.poses = 1, PARAMS.poses[0]
         self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.dropped = -1  # windows of crop that were cut when passes were last looked through
         volume = job.truck.volume_m3
@@ -376,9 +377,11 @@ class Scheduler:
             if self.goes_on(busy) or self.goes_on(late, patience=PARAMS.tries):
                 room = 0
                 continue
+            if self.waits_for_all(busy):
+                continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
                 room = -1
-                if not self.goes_on(late, patience=PARAMS.tries, poses=PARAMS.poses):
+                if not self.goes_on(late, patience=PARAMS.tries, poses=PARAMS.poses[1]):
                     self.leave_out(busy)
             room += 1
         for k in sorted(self.carts, key=lambda k: k.starts[0].time):
@@ -401,7 +404,7 @@ class Scheduler:
         given = math.fsum(p * c.time for p, c in zip(power, self.combines, strict=True))
         return (given + float(self.ground.remaining.area) - self.schedule.plan.left) / math.fsum(power)
 
-    def goes_on(self, busy: Sequence[CombineState], patience: int = 1, poses: int = WAYS.poses) -> bool:
+    def goes_on(self, busy: Sequence[CombineState], patience: int = 1, poses: int = PARAMS.poses[0]) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
         have done something, less and less often. patience: how much more they look at; poses: of a search.
         """
@@ -415,6 +418,14 @@ class Scheduler:
             self.failed[name] = self.failed.get(name, 0) + 1
             self.rests[name] = min(2 ** self.failed[name], PARAMS.places) - 1
         return False
+
+    def waits_for_all(self, busy: Sequence[CombineState]) -> bool:
+        """Combines stand until all that is granted is done, and the ground of it cut; False where they do."""
+        late = self.late()
+        early = [c for c in busy if c.time < late]
+        for c in early:
+            c.time = late
+        return bool(early)
 
     def makes_room(self, turn: int) -> bool:
         """A combine drives where it is not in the way, another one each time; False where none can."""
@@ -611,8 +622,12 @@ class Scheduler:
 
     def moments(self, c: CombineState) -> list[float]:
         """When a combine may set out: now, or when all have done what is granted to them."""
-        late = max(self.last_of(name).into for name in self.names())
+        late = self.late()
         return [c.time] if late <= c.time else [c.time, late]
+
+    def late(self) -> float:
+        """When all have done what is granted to them."""
+        return float(max(self.last_of(name).into for name in self.names()))
 
     def begun(self, c: Combine, task: Pass) -> Pass:
         """A pass that begins as much earlier as crop stands between a body and its header; behind that it
@@ -732,7 +747,8 @@ class Scheduler:
                 else:
                     shapes += wide
         find = partial(
-            self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=self.poses
+            self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=self.poses,
+            came=None if body.has_trailer else self.last_of(name).came(start),
         )
         kept, looked = self.kept[name], False
         for way, area in zip(kept.ways, kept.areas, strict=True):

@@ -308,6 +308,13 @@ class Segment:
         """What is done there."""
         return self.path.kinds[self.index]
 
+    def came(self, place: Place) -> Track | None:
+        """How its machine came to where it ends, None where that is another place."""
+        n, t = int(self.path.last[self.index]) + 1, self.path.track
+        if (t.places[n - 1, :2] != place[:2]).any():
+            return None
+        return Track(t.places[:n], t.distance[:n], t.ways[: n - 1], t.bends[: n - 1])
+
 
 @dataclass
 class Table:

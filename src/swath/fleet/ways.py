@@ -506,18 +506,19 @@ class Finder:
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
         near: Sequence[Any] = (), time: float = 0.0, gap: float = GAPS.search_m, in_line: float = 0.0,
-        most: int = PARAMS.poses,
+        most: int = PARAMS.poses, came: Track | None = None,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
         stand: outlines of machines that stand, as polygons; near: convex ones that cells are too coarse for;
         time: of the start [s]; gap: kept all round the body [m]; in_line: the trailer ends in line within so
-        much [deg], 0: as it comes; most: two for each pose that is looked at near the start
+        much [deg], 0: as it comes; most: two for each pose that is looked at near the start; came: how it
+        came to the start, along which it may go back if nothing else leads on
         """
         self._refresh()
         by = min(time, self._last_cut)  # later nothing changes
         asked = _Asked(body, drive, start, goal, (*stand, *near), by, gap, in_line, most)
-        key = asked._replace(stand=(frozenset(stand), frozenset(near)))
+        key = asked._replace(stand=(frozenset(stand), frozenset(near))), came is None
         if key in self._known:
             return self._known[key]
         self._near = [_sides(shape) for shape in near]
@@ -526,6 +527,8 @@ class Finder:
             self._taken[i, j] |= inside
         try:
             way = self._found_way(asked)
+            if way is None and came is not None and self._found[0] < 0.0:
+                way = self._back_out(asked, came)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
@@ -558,6 +561,25 @@ class Finder:
         if track is None or turn is None:
             return track or turn
         return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
+
+    def _back_out(self, asked: _Asked, came: Track) -> Track | None:
+        """Backwards as it came, as far as its body is long or 2, 4 ... times so far, and on from there. A
+        pass may lead nearer to closed ground and to crop than a way does, so to where no way begins.
+        """
+        steps = (np.diff(came.distance) * came.ways)[::-1]
+        own = asked.body.own
+        far = max(r.front for r in own) - min(r.rear for r in own)
+        while len(steps) and asked.drive.backwards > 0.0:
+            count = int(np.searchsorted(np.cumsum(np.abs(steps)), far - 1e-6)) + 1
+            back = _rolled(asked.start, came.bends[::-1][:count], -steps[:count], asked.body)
+            end = Place(*back.places[-1].tolist())
+            way = self._found_way(asked._replace(start=end))
+            if way is not None:
+                return behind(back, way, asked.body)
+            if count >= len(steps):
+                break
+            far *= 2.0
+        return None
 
     def _turn(self, asked: _Asked) -> Track | None:
         """A turn that is rolled through, where there is room for one."""
