@@ -2,6 +2,7 @@
 
 import pytest
 from benchmarks.fleet_baseline import baseline_hours
+from benchmarks.fleet_jobs import drawn
 
 from swath.fleet.files import CartSettings, CombineSettings, FieldSettings, JobFile, TruckSettings
 from swath.fleet.schedule import Scheduler
@@ -35,8 +36,30 @@ JOBS = {
 def test_ordinary_fields_end_with_all_machines_and_near_simple_rules(name):
     job, scheduler = made(*JOBS[name])
     assert [k.name for k in scheduler.machines.carts] == list(job.carts)  # none is left out
+    ends_near(job, scheduler, 1.15)
+
+
+@pytest.mark.draws
+def test_a_notch_of_ten_hectares_keeps_nobody_waiting_for_a_way():
+    job, scheduler = made(notched(400, 260, 150, 90, 70), 2, 1, (-40.0, 130.0))
+    worked = ends_near(job, scheduler, 1.15)
+    waits = {name: worked.minutes(name, "waits for ground") for name in worked.spans}
+    assert max(waits.values()) < 20.0  # of 80; a way that is not found costs each of them an hour
+
+
+@pytest.mark.draws
+@pytest.mark.parametrize("seed", [18, 34])  # passes end at the pond, between crop
+def test_who_has_cut_a_pass_to_a_pond_comes_out_again(seed):
+    job = drawn(seed, (4.0, 8.0))
+    assert job.field.holes_m
+    ends_near(job, Scheduler(job, None), 1.6)
+
+
+def ends_near(job, scheduler, most):
+    """Fails where a job does not end, leaves crop or grain, or takes so many times what simple rules take."""
     scheduler.run()
     worked = by_events(scheduler.schedule)
     assert worked.mass_error < 1e-9
     assert scheduler.ground.remaining.area < 0.005 * scheduler.ground.field.area
-    assert worked.ends / 3600.0 < 1.15 * baseline_hours(job)
+    assert worked.ends / 3600.0 < most * baseline_hours(job)
+    return worked

@@ -104,11 +104,11 @@ def test_who_is_shut_in_by_a_pass_goes_back_as_it_came(deep, bend):
     )
     start, goal = Place(*came.places[-1].tolist()), Place(12.0, 70.0, math.pi / 2, math.pi / 2)
     assert finder.find(COMBINE, DRIVE, start, goal) is None
-    way = finder.find(COMBINE, DRIVE, start, goal, came=came)
+    way = finder.find(COMBINE, DRIVE, start, goal, came=lambda: came)
     back = way.places[way.distance < 9.8, :2]  # the length of its body
     assert np.hypot(*(back[:, None] - came.places[None, :, :2]).transpose(2, 0, 1)).min(axis=1).max() < 1e-6
     assert way.end[:2] == pytest.approx(goal[:2], abs=1e-6)
-    assert finder.find(COMBINE, replace(DRIVE, backwards=0.0), start, goal, came=came) is None
+    assert finder.find(COMBINE, replace(DRIVE, backwards=0.0), start, goal, came=lambda: came) is None
 
 
 @pytest.mark.parametrize("goal", [(60.0, 62.0, math.pi), (75.0, 30.0, -math.pi / 2), (85.0, 55.0, 0.0)])

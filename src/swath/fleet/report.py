@@ -15,19 +15,7 @@ from swath.core.number_text import num
 from swath.documents.json_file import read_object, write_json
 from swath.fleet.ground import shapely_here
 from swath.fleet.machines import Cart
-from swath.fleet.worked import (
-    CUT,
-    SHOWN,
-    STATES,
-    WAIT,
-    WENT,
-    Worked,
-    checked,
-    grain,
-    litres_per_ha,
-    stays,
-    used,
-)
+from swath.fleet.worked import CUT, SHOWN, STATES, WAIT, Worked, checked, grain, litres_per_ha, stays, used
 from swath.replay.writer import packed, render
 from swath.report import plots
 from swath.report.html import Beside, Figure, Items, Section, Table, counted, write_page
@@ -102,11 +90,11 @@ def result_rows(w: Worked) -> list[tuple[str, str, str]]:
 
 def hour_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:
     """Heads and rows of the hours of all machines by what they went for, and their sum."""
-    rows = []
-    for name in w.spans:
-        hours = [math.fsum(w.minutes(name, state) for state in states) / 60.0 for states in WENT.values()]
-        rows.append([name, *(num(h, places=3) for h in (*hours, math.fsum(hours)))])
-    return ("machine", *WENT, "in all"), rows
+    went = {name: w.went(name) for name in w.spans}
+    rows = [
+        [n, *(num(h, places=3) for h in (*of.values(), math.fsum(of.values())))] for n, of in went.items()
+    ]
+    return ("machine", *next(iter(went.values())), "in all"), rows
 
 
 def load_rows(w: Worked) -> tuple[tuple[str, ...], list[list[str]]]:

@@ -45,22 +45,21 @@ class Params:
     """cut_m: longest segment of a pass, a third of it in bends; joins: how far off [m, rad] a pass may begin
     that is gone on to without a way; align_s: until a cart that has come beside is in line; tries: passes
     that are looked at, the nearest first; poses: of a search, from where on more shorten the hours of
-    drawn fields no further, and of one before passes are left out; few: of carts that can come first, and
-    of places to come beside at; soon_s: within which a machine stands that a way leads around; part: of a
-    tank, up to which a combine begins a pass that its tank does not take; long_s: beside cutting, from
-    where on it may be emptied before instead, and more cost of a place at which nobody could be emptied;
-    behind: share in the cost of a place of a cart's way to the truck, which keeps nobody waiting;
-    saves_s: less than which is no reason to look at another pass; out_percent: of the field that is left
-    where no way leads; load: of a tank, or all but that of the room in a box, less than which nobody
-    comes beside for; lags: behind the best plan, share of its time, at which another one is given up.
-    Estimates.
+    drawn fields no further; few: of carts that can come first, and of places to come beside at; soon_s:
+    within which a machine stands that a way leads around; part: of a tank, up to which a combine begins a
+    pass that its tank does not take; long_s: beside cutting, from where on it may be emptied before
+    instead, and more cost of a place at which nobody could be emptied; behind: share in the cost of a
+    place of a cart's way to the truck, which keeps nobody waiting; saves_s: less than which is no reason
+    to look at another pass; out_percent: of the field that is left where no way leads; load: of a tank,
+    or all but that of the room in a box, less than which nobody comes beside for; lags: behind the best
+    plan, share of its time, at which another one is given up. Estimates.
     """
 
     cut_m: float = 8.0
     joins: tuple[float, float] = (0.01, 0.002)
     align_s: float = 10.0
     tries: int = 4
-    poses: tuple[int, int] = (24_000, 96_000)
+    poses: int = 24_000
     few: int = 2
     soon_s: float = 30.0
     part: float = 0.5
@@ -296,7 +295,7 @@ class Scheduler:
         self.table = self.schedule.table
         self.rests: dict[str, int] = {}  # grants to others before a combine looks again for what it can do
         self.failed: dict[str, int] = {}  # how often in a row it could do nothing
-        self.patience, self.poses = 1, PARAMS.poses[0]
+        self.patience = 1
         self._far: dict[tuple[Drive, Place, bool, int], Far] = {}
         self.dropped = -1  # windows of crop that were cut when passes were last looked through
         volume = job.truck.volume_m3
@@ -381,8 +380,7 @@ class Scheduler:
                 continue
             if room > 2 * len(self.combines) or not self.makes_room(room):
                 room = -1
-                if not self.goes_on(late, patience=PARAMS.tries, poses=PARAMS.poses[1]):
-                    self.leave_out(busy)
+                self.leave_out(busy)
             room += 1
         for k in sorted(self.carts, key=lambda k: k.starts[0].time):
             room = 0
@@ -404,11 +402,11 @@ class Scheduler:
         given = math.fsum(p * c.time for p, c in zip(power, self.combines, strict=True))
         return (given + float(self.ground.remaining.area) - self.schedule.plan.left) / math.fsum(power)
 
-    def goes_on(self, busy: Sequence[CombineState], patience: int = 1, poses: int = PARAMS.poses[0]) -> bool:
+    def goes_on(self, busy: Sequence[CombineState], patience: int = 1) -> bool:
         """One combine does its next thing, who is free first; who could do nothing looks again when others
-        have done something, less and less often. patience: how much more they look at; poses: of a search.
+        have done something, less and less often. patience: how much more they look at.
         """
-        self.patience, self.poses = patience, poses
+        self.patience = patience
         for c in sorted(busy, key=lambda c: self.rests.get(c.spec.name, 0) > 0):
             name = c.spec.name
             if self.turn(c):
@@ -659,19 +657,7 @@ class Scheduler:
         cut = replace(cut, spent=np.maximum(cut.spent, length / np.array(speed)))
         leg = _Leg(cut, task, planned, marks, masses, density, strips, 0)
         leg.lost = self.lost(c, leg) + (task.length - planned.length) / c.spec.speed
-        is_closed = self.patience == 1 and bool(self.shared) and self.is_dead_end(c.spec, task)
-        return leg if math.isfinite(leg.lost) and not is_closed else None
-
-    def is_dead_end(self, c: Combine, task: Pass) -> bool:
-        """Whether a pass ends before crop of the headland that nobody has been given, so that no way leads
-        on from there.
-        """
-        if task.kind == HEADLAND:
-            return False
-        (u, v), end = task.line[-2], task.end
-        ahead = Place(*end, math.atan2(end[1] - v, end[0] - u), 0.0).ahead(c.width)[:2]
-        strip = strip_of(Pass(end, ahead, c.width, task.kind))
-        return bool(self.ground.crop_on((c.name, "behind", task), np.array([strip]))[0] > PLAN.least_m2)
+        return leg if math.isfinite(leg.lost) else None
 
     def run_along(self, c: Combine, task: Pass) -> _Run:
         """A pass as a combine drives it, as fast as its bends are driven."""
@@ -747,8 +733,15 @@ class Scheduler:
                 else:
                     shapes += wide
         find = partial(
-            self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=self.poses,
-            came=None if body.has_trailer else self.last_of(name).came(start),
+            self.finder.find,
+            body,
+            drive,
+            start,
+            stand=shapes,
+            near=near,
+            time=time,
+            most=PARAMS.poses,
+            came=None if body.has_trailer else partial(self.table.cut_to, name, start),
         )
         kept, looked = self.kept[name], False
         for way, area in zip(kept.ways, kept.areas, strict=True):

@@ -478,7 +478,7 @@ while (size) {
     }
 }
 for (int n = 0; n < count; ++n) bin_in[(int)nodes[ROW * n + AT_SLOT]] = -1;  // as it was
-if (best_node < 0) { out[0] = count < most ? -1.0 : 0.0; return; }  // -1: all that can be come to is looked at
+if (best_node < 0) return;
 int pieces = 0;
 out[1] = 0.0; out[2 + 2 * pieces++] = best_parts[3];
 for (int i = 0; i < 3; ++i) { out[1 + 2 * pieces] = bends[best_word][2 - i] / radius; out[2 + 2 * pieces++] = best_parts[2 - i]; }

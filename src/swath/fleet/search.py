@@ -91,21 +91,20 @@ def _those_in(job: JobFile, machines: Machines) -> Machines:
 def _changed(job: JobFile, first: Scheduler) -> Iterator[tuple[str, JobFile]]:
     """Plans that differ from one in one thing: what that is, and the job."""
     fleet, machines = job.fleet, _those_in(job, first.machines)
+    draws = [
+        (f"draw {n}", replace(job, fleet=replace(fleet, dispatcher="horizon", draw=n)))
+        for n in range(1, fleet.plans + 1)
+        if fleet.dispatcher in BUILT_IN
+    ]
+    yield from draws[:2]
     if len(machines.carts) > 1:
         away = min(machines.carts, key=lambda k: (k.load * k.drive.straight, str(job.carts[k.name]))).name
         yield f"without {away}", replace(job, carts={n: k for n, k in job.carts.items() if n != away})
     if len(machines.combines) > 1:
         away = min(machines.combines, key=lambda c: (c.width * c.speed, str(job.combines[c.name]))).name
         yield f"without {away}", replace(job, combines={n: c for n, c in job.combines.items() if n != away})
-    draws = [
-        (f"draw {n}", replace(job, fleet=replace(fleet, dispatcher="horizon", draw=n)))
-        for n in range(1, fleet.plans + 1)
-        if fleet.dispatcher in BUILT_IN
-    ]
-    yield from draws[:1]
     if fleet.dispatcher in BUILT_IN:
         yield from ((name, replace(job, fleet=replace(fleet, dispatcher=name, draw=0))) for name in BUILT_IN)
-    yield from draws[1:2]
     if first.job.plan.direction_deg is None and not first.job.plan.passes_m and not first.job.drawn:
         for degrees in directions(first):
             yield f"passes at {num(degrees)} deg", replace(job, plan=replace(job.plan, direction_deg=degrees))

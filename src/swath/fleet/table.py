@@ -308,13 +308,6 @@ class Segment:
         """What is done there."""
         return self.path.kinds[self.index]
 
-    def came(self, place: Place) -> Track | None:
-        """How its machine came to where it ends, None where that is another place."""
-        n, t = int(self.path.last[self.index]) + 1, self.path.track
-        if (t.places[n - 1, :2] != place[:2]).any():
-            return None
-        return Track(t.places[:n], t.distance[:n], t.ways[: n - 1], t.bends[: n - 1])
-
 
 @dataclass
 class Table:
@@ -336,6 +329,19 @@ class Table:
     def stand(self, machine: str, path: Path, time: float = 0.0) -> None:
         """A machine's first place."""
         self._append(machine, path, [time], self.meets(path, machine))
+
+    def cut_to(self, machine: str, place: Place) -> Track | None:
+        """The pass that a machine has cut last, None where it has left the end of it."""
+        own = (
+            s for s in reversed(self.segments) if s.machine == machine and s.kind == "cut" and not s.is_off
+        )
+        if (s := next(own, None)) is None or (
+            s.path.track.places[s.path.last[s.index], :2] != place[:2]
+        ).any():
+            return None
+        first = next((i + 1 for i in range(s.index, -1, -1) if s.path.kinds[i] != "cut"), 0)
+        t, a, b = s.path.track, int(s.path.first[first]), int(s.path.last[s.index])
+        return Track(t.places[a : b + 1], t.distance[a : b + 1], t.ways[a:b], t.bends[a:b])
 
     def meets(self, path: Path, but: str) -> list[list[int]]:
         """Numbers of segments of others that sweep ground of each segment of a path."""

@@ -506,7 +506,7 @@ class Finder:
     def find(
         self, body: Body, drive: Drive, start: Place, goal: Place, *, stand: Sequence[Any] = (),
         near: Sequence[Any] = (), time: float = 0.0, gap: float = GAPS.search_m, in_line: float = 0.0,
-        most: int = PARAMS.poses, came: Track | None = None,
+        most: int = PARAMS.poses, came: Callable[[], Track | None] | None = None,
     ) -> Track | None:  # fmt: skip
         """The way that takes the shortest time from a place to another, None where there is none.
 
@@ -527,8 +527,8 @@ class Finder:
             self._taken[i, j] |= inside
         try:
             way = self._found_way(asked)
-            if way is None and came is not None and self._found[0] < 0.0:
-                way = self._back_out(asked, came)
+            if way is None and came is not None and (track := came()) is not None:
+                way = self._back_out(asked, track)
         finally:
             for i, j, _ in windows:
                 self._taken[i, j] = 0
@@ -563,23 +563,26 @@ class Finder:
         return min(turn, track, key=lambda t: float(times_along(t, drive)[-1]))
 
     def _back_out(self, asked: _Asked, came: Track) -> Track | None:
-        """Backwards as it came, as far as its body is long or 2, 4 ... times so far, and on from there. A
-        pass may lead nearer to closed ground and to crop than a way does, so to where no way begins.
+        """Backwards as it came, all of it or no farther than a way needs but for the length of its body, and
+        on from there. A pass may end between crop, and nearer to it and to closed ground than ways lead.
         """
-        steps = (np.diff(came.distance) * came.ways)[::-1]
-        own = asked.body.own
-        far = max(r.front for r in own) - min(r.rear for r in own)
-        while len(steps) and asked.drive.backwards > 0.0:
-            count = int(np.searchsorted(np.cumsum(np.abs(steps)), far - 1e-6)) + 1
+        steps, own = (np.diff(came.distance) * came.ways)[::-1], asked.body.own
+        far = np.concatenate([[0.0], np.cumsum(np.abs(steps))])
+
+        def back_by(count: int) -> Track | None:
             back = _rolled(asked.start, came.bends[::-1][:count], -steps[:count], asked.body)
-            end = Place(*back.places[-1].tolist())
-            way = self._found_way(asked._replace(start=end))
-            if way is not None:
-                return behind(back, way, asked.body)
-            if count >= len(steps):
-                break
-            far *= 2.0
-        return None
+            way = self._found_way(asked._replace(start=back.end))
+            return None if way is None else behind(back, way, asked.body)
+
+        low, high = 0, len(steps)
+        best = back_by(high) if high and asked.drive.backwards > 0.0 else None
+        while best is not None and far[high] - far[low] > max(r.front for r in own) - min(
+            r.rear for r in own
+        ):
+            middle = int(np.searchsorted(far, 0.5 * (far[low] + far[high])))
+            found = back_by(middle)
+            best, low, high = (best, middle, high) if found is None else (found, low, middle)
+        return best
 
     def _turn(self, asked: _Asked) -> Track | None:
         """A turn that is rolled through, where there is room for one."""

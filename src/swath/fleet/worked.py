@@ -96,6 +96,10 @@ class Worked:
         spent = math.fsum(t for t, s in zip(times, of, strict=True) if state in (s.state, s.shown))
         return (spent + (max(over - math.fsum(times), 0.0) if state == IDLE else 0.0)) / 60.0
 
+    def went(self, name: str) -> dict[str, float]:
+        """Hours of a machine by what they went for."""
+        return {what: math.fsum(self.minutes(name, s) for s in of) / 60.0 for what, of in WENT.items()}
+
     def waited(self, name: str) -> dict[str, float]:
         """Minutes that a machine waited, by reason."""
         found: dict[str, float] = {}
