@@ -22,7 +22,7 @@ from swath.core.files.whole_file import copy_whole, open_to_append, write_whole
 from swath.core.number_text import num
 from swath.core.packed_state import MAGIC, UnpackableState, pack, unpack
 from swath.core.schedule import NS
-from swath.field.paging.state_file import write_state
+from swath.field.paging.state_file import CODES_BYTES, STRAW_BYTES, inflatable, write_state
 from swath.runtime.field_state import about
 from swath.runtime.folder import PAGES, SAVED, SAVES
 from swath.runtime.hooks import ActiveRun, RunHook
@@ -51,7 +51,7 @@ SHORTEST_S = 0.1
 MOST = 32  # saves; beyond, older ones thin out
 LEVEL = 1  # of zlib
 LARGEST_BYTES = 1 << 29  # of a save, unpacked
-PAGED = ("codes", "straw")  # lists of a field's state, per page
+PAGED = {"codes": CODES_BYTES, "straw": STRAW_BYTES}  # lists of a field's state, per page; of one, unpacked
 
 
 class Saves(RunHook):
@@ -231,19 +231,16 @@ def read_save(data: bytes, folder: Path, shared: Mapping[str, Any]) -> dict[str,
             raise UnpackableState(f"expected a save of swath {__version__}, not of {state['swath']}")
         field = state["world"]["field"]
         with open_to_read(folder / SAVES / PAGES, "save", "pages of saves") as file:
-            for name in PAGED:
-                field[name] = [_page(file, place) for place in field[name]]
+            for name, size in PAGED.items():
+                field[name] = [_page(file, place, size) for place in field[name]]
     except (InputError, OSError, zlib.error, LookupError, TypeError, ValueError) as error:
         raise UnpackableState(f"expected a whole save ({reason_of(error)})") from error
     return dict(state)
 
 
-def _page(file: Any, place: Any) -> Any:
+def _page(file: Any, place: Any, size: int) -> Any:
     if not isinstance(place, tuple):
         return place
-    at, size = place
+    at, packed = place
     file.seek(at)
-    data = file.read(size)
-    if len(data) != size:
-        raise ValueError(f"{PAGES} is cut off")
-    return data
+    return inflatable(file.read(packed), size)

@@ -71,7 +71,7 @@ def read_state(path: Path, about: Mapping[str, Any]) -> dict[str, Any]:
             "keys": keys.astype(np.int64),
             "codes": [_codes(int(code), arrays, i) for i, code in enumerate(whole)],
             "straw": [
-                _inflatable(arrays[f"straw_{i}"], STRAW_BYTES) if has else None
+                inflatable(arrays[f"straw_{i}"].astype(np.uint8).tobytes(), STRAW_BYTES) if has else None
                 for i, has in enumerate(has_straw.tolist())
             ],
             "grain": {"mass": {(int(x), int(y)): float(mass) for (x, y), mass in grain}},
@@ -80,16 +80,16 @@ def read_state(path: Path, about: Mapping[str, Any]) -> dict[str, Any]:
 
 def _codes(code: int, arrays: Mapping[str, NDArray[Any]], i: int) -> int | bytes | None:
     if code == PACKED:
-        return _inflatable(arrays[f"codes_{i}"], CODES_BYTES)
+        return inflatable(arrays[f"codes_{i}"].astype(np.uint8).tobytes(), CODES_BYTES)
     if not NOTHING <= code <= 255:
         raise ValueError(f"{code} is no cut code")
     return None if code == NOTHING else code
 
 
-def _inflatable(array: NDArray[np.uint8], size: int) -> bytes:
-    """Deflated bytes that become exactly `size` bytes."""
-    data = array.astype(np.uint8).tobytes()
-    if len(zlib.decompressobj().decompress(data, size + 1)) != size:
+def inflatable(data: bytes, size: int) -> bytes:
+    """Deflated bytes that become exactly `size` bytes. ValueError or zlib.error where not."""
+    stream = zlib.decompressobj()
+    if len(stream.decompress(data, size + 1)) != size or not stream.eof:  # its check sum is right, too
         raise ValueError("a page has another size")
     return data
 

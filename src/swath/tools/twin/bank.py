@@ -49,12 +49,10 @@ class Params:
 
     distance: driven [m]; chosen: as long as the height of a crop changes little
     rate: scans a second [Hz]; chosen: scans half a metre apart tell something else each
-    sub_rays: of a beam; chosen: the default of `plants`
     """
 
     distance: float = 12.0
     rate: float = 5.0
-    sub_rays: int = 19
 
 
 PARAMS = Params()
@@ -122,7 +120,6 @@ class BankAsked:
             "expect": {},
             f"{self.slot}.level": "plants",
             f"{self.slot}.sensor": self.sheet,
-            f"{self.slot}.sub_rays": PARAMS.sub_rays,
             f"{self.slot}.sector_deg": self.view.sector_deg,
             f"{self.slot}.step_deg": self.step / DEG,
             f"{self.slot}.mount.at": "edge_end",

@@ -6,6 +6,7 @@ nothing is kept. A beam that flickers between two surfaces, as at the edge of on
 its noise, and is left out.
 """
 
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -163,7 +164,7 @@ def fit_still(out: Path, sources: Sequence[Source], sheet: str, seed: int) -> tu
     found = [replace(e, key=f"{slot}.{e.key}") for e in estimates_of(PARAMETERS, answer)]
     found.append(Estimate(f"{slot}.spot_factor", 1.0, *SPOT, SPOT, is_known=False))
     sets = [
-        f"{slot}={{level: plants, sensor: {sheet}}}",
+        f"{slot}={json.dumps({'level': 'plants', 'sensor': sheet})}",
         *(f"{e.key}={e.value}" for e in found if e.is_known),
     ]
     write_scenario(out, load_scenario("straight", sets=[*sets, "name=twin"]), names, found)
