@@ -94,8 +94,6 @@ def driven(folder: Path, asked: BankAsked, values: dict[str, Any], seed: int) ->
         shutil.rmtree(folder, ignore_errors=True)
         run = {"seed": seed, "run.distance_m": LENGTH_M, f"{LIDAR}.rate_hz": 12.5}
         fixed = {key: value for key, value in {**asked.fixed, **run}.items() if key not in values}
-        if values.get(f"{LIDAR}.level") == "empirical":
-            del fixed[f"{LIDAR}.sub_rays"]
         sets = layered(asked.sets, as_sets({**fixed, **values}))
         run_job(load_scenario(asked.scenario, sets=sets), folder)
     return open_source(folder, Wanted())
