@@ -116,8 +116,6 @@ def shortened(words: list[str]) -> list[str]:
             return [*words, *sets, "--pairs", "8", "--runs", "2", "--workers", "1"]
         case ["twin", "fit"] if "--still" not in words:
             return [*words, "--runs", "40", "--workers", "1"]
-        case ["twin", "check"]:
-            return [*words, "--draws", "20", "--workers", "1"]
         case ["test", "search"]:
             return [*words, *sets, "--budget", "8", "--workers", "1"]
         case ["test", "estimate"]:
