@@ -11,6 +11,7 @@ import pytest
 from swath.commands.main import main
 from swath.core.errors import InputError
 from swath.core.units import DEG
+from swath.runtime.job import run_job
 from swath.scenario.scenario import load_scenario
 from swath.sensing.lidar_sheet import load_lidar
 from swath.tools.function_test.evidence import CHECK, EVIDENCE
@@ -278,7 +279,7 @@ def test_a_bank_is_made_once_and_asked_often(closed_form, tmp_path):
     for parameter, estimate in list(zip(want.parameters, first, strict=True))[:TOLD]:
         assert estimate.is_known
         assert estimate.low <= parameter.value_at(0.3) <= estimate.high
-    with pytest.raises(InputError, match=r"--out.*runs"):
+    with pytest.raises(InputError, match=r"--bank.*runs"):
         make_bank(tmp_path / "bank", asked(runs=61), 1, lambda result: None)
 
 
@@ -391,3 +392,45 @@ def test_a_twin_of_a_run_is_checked_with_another(tmp_path, monkeypatch):
     assert main(["twin", "check", "twin", "two", "--out", "fits"]) == 0
     assert main(["twin", "check", "twin", "low", "--out", "differs"]) == 1
     assert (tmp_path / "differs" / "report.html").is_file()
+
+
+@pytest.mark.parametrize(
+    "change", [["--param", "nix=1..2"], ["--param", "combine.lidar.mount.z_m=3..2"], ["--set", "nix.x=2"]]
+)
+def test_a_bank_that_is_refused_leaves_no_folder(change, tmp_path, capsys):
+    """So that the right words can be given next."""
+    sets = {
+        "run.max_duration_s": 3.0,
+        "combine.motion.start_speed_kmh": 7,
+        "combine.lidar.step_deg": 1.0,
+        "combine.edge.level": "truth",
+    }
+    run_job(load_scenario("straight", sets=[f"{k}={v}" for k, v in sets.items()]), tmp_path / "run")
+    line = [
+        "twin",
+        "fit",
+        str(tmp_path / "run"),
+        "--sheet",
+        "sick-lms511-hr",
+        "--bank",
+        str(tmp_path / "bank"),
+    ]
+    assert main([*line, *change, "--out", str(tmp_path / "twin")]) == 2
+    assert "nix" in (said := capsys.readouterr().err) or "z_m=3..2" in said
+    assert not (tmp_path / "bank").exists()
+
+
+def test_what_is_no_twin_is_named_as_it_was_given(tmp_path, capsys):
+    (tmp_path / "empty").touch()
+    for name in ("nowhere", "empty"):
+        line = [
+            "twin",
+            "check",
+            str(tmp_path / name),
+            str(tmp_path),
+            "--still",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+        assert main(line) == 2
+        assert name in capsys.readouterr().err

@@ -18,6 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
+
 from swath.commands.main import main
 from swath.core.files.whole_file import PART
 from swath.documents.data_sheets import find_sheet
@@ -76,6 +78,8 @@ LONG = {  # take longer: all places by command alone
     "--metric grain_cut_kg --workers 1 --out {new}",
     "tune": "tune {case} --param combine.speed.speed_kmh=3..6 --tries 10 --each 1 --proof 10 --workers 1 "
     "--out {new}",
+    "twin fit": "twin fit {still} --still --sheet sick-lms111 --out {new}",
+    "twin check": "twin check {twin} {still} --still --out {new}",
     "compare scans": "compare scans {long} {long} --out {new}",
     "compare log": "compare log lexion-700 {engine} --out {new}",
     "calibrate lidar": "calibrate lidar --quick --narrow --lines 2 --sub-rays 1 --out {new}/table.npz",
@@ -87,7 +91,7 @@ READS = ("report", "view", "branch", "diff", "rerun", "run-log", "yield-log", "o
 OURS = ("report.html", "replay.html", "diff.html", "results.parquet", "junit.xml")  # that they make anew
 SAYS = {  # whose folder it is
     "scenario.yaml", "summary.json", "plan.json", "runs.parquet", "tune.json", "search.json", "estimate.json",
-    "plan-field.json", "dataset.json", "field.yaml",
+    "plan-field.json", "dataset.json", "field.yaml", "twin.json",
 }  # fmt: skip
 KINDS = ("symbolic", "dangling", "folder", "hard")
 CODES = (0, 1, 2, 3, 4)
@@ -103,6 +107,9 @@ class Inputs:
         (folder / "s.yaml").write_text(small(*SHORT).resolved())
         (folder / "long.yaml").write_text(small("run.record=exact", "run.distance_m=3").resolved())
         (folder / "case.yaml").write_text(CASE)
+        ranges, angle = np.random.default_rng(1).uniform(2.0, 2.01, (40, 61)), np.arange(61) - 30.0
+        times = 0.02 * np.arange(40)
+        np.savez(folder / "still.npz", ranges_m=ranges, angle_deg=angle, scan_time_s=times)
         FILES["log-engine"].make(folder)
         (folder / "log.csv").rename(folder / "engine.csv")
 
@@ -119,8 +126,9 @@ class Inputs:
             "long": "run {p}/long.yaml --out {out}",
             "tests": "test run {p}/case.yaml --workers 1 --out {out}",
             "field": f"field import {LOG} --out {{out}}",
+            "twin": "twin fit {p}/still.npz --still --sheet sick-lms111 --out {out}",
         }
-        files = ("s.yaml", "case.yaml", "engine.csv")
+        files = ("s.yaml", "case.yaml", "engine.csv", "still.npz")
         known: dict[str, Path | str] = {f.partition(".")[0]: self.folder / f for f in files}
         for name, line in lines.items():
             if f"{{{name}}}" in wanted:

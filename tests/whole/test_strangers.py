@@ -153,6 +153,19 @@ class Folder:
             "test levels": [[case]],
             "test plan-field": [[case, "--out", next(new)]],
             "tune": [[case, "--param", "combine.speed.speed_kmh=4..6", "--out", next(new)]],
+            "twin fit": [
+                [
+                    f"{p}/run",
+                    "--sheet",
+                    "sick-lms511-hr",
+                    "--scenario",
+                    s,
+                    "--bank",
+                    next(new),
+                    "--out",
+                    next(new),
+                ]
+            ],
             "test work": [[tests, "--shard", "1/1"]],
             "test report": [[tests]],
             "test compare": [[tests, tests]],
@@ -197,6 +210,7 @@ class Folder:
             "calibrate engine": [[f"{p}/mine.yaml", f"{p}/run"]],
             "compare log": [[f"{p}/mine.yaml", f"{p}/run"]],
             "compare scans": [[f"{p}/run", f"{p}/run"]],
+            "twin check": [[f"{p}/run", f"{p}/run", "--out", next(new)]],
             "fmu show": models,
             "fmu check": models,
             "ros2 package": [["--out", next(new)]],

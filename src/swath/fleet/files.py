@@ -289,7 +289,7 @@ def read_job(name: str, changes: Sequence[str] = ()) -> tuple[JobFile, Document]
     for section in ("combines", "carts"):
         for name in getattr(job, section):
             if not NAME.match(name) or name == "truck":
-                expected = "expected a machine's name, not truck: letters, digits, - and _"
+                expected = "expected a machine's name, not truck: at most 41 letters, digits, - and _"
                 raise document.error((section, name), None, expected)
     for name in job.carts:
         if name in job.combines:

@@ -43,7 +43,7 @@ def option(
         more.setdefault("type", Path if isinstance(default, Path) else type(default))
     elif name.startswith("-") and not more.keys() & {"metavar", "choices", "nargs"}:
         more["action"] = "store_true"
-    if isinstance(default, int | float | str) and default != "" and "default" not in text:
+    if isinstance(default, int | float | str | Path) and default != "" and "default" not in text:
         text += f" (default {num(default)})" if isinstance(default, float) else f" (default {default})"
     added = parser.add_argument(name, help=text, **more if default is None else {**more, "default": default})
     vars(added)["unit"] = unit

@@ -175,6 +175,11 @@ class BankAsked:
         """Shares of the ranges of a run, of what is asked of and of what else varies, (d,)."""
         return Stream(self.seed, "twin bank").at(number).random(len(self.parameters) + len(self.beside))
 
+    def check(self) -> None:
+        """InputError where a run of it is none."""
+        every = [*self.parameters, *self.beside]
+        load_scenario(self.scenario, sets=self.sets_of(sets_at(every, self.drawn(0))))
+
     def sets_of(self, values: Mapping[str, Scalar]) -> list[str]:
         """Changes of the scenario for some values, as after `--set`."""
         return [
@@ -230,7 +235,10 @@ def make_bank(folder: Path, asked: BankAsked, workers: int, done: Done, client: 
     workers, client : processes here, or of dask.
     done : gets each new result.
     """
-    claim_folder(folder / ASKED, asked, "a bank")
+    try:
+        claim_folder(folder / ASKED, asked, "a bank")
+    except InputError as error:
+        raise InputError("--bank", str(folder), error.expected) from error
     if not os.path.isfile(folder / BANK):
         drawn = np.stack([asked.drawn(n) for n in range(asked.runs)])
         numbers = simulated(folder, asked, drawn, workers, done, client)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from swath.core.errors import InputError
+from swath.core.errors import check_within
 from swath.terminal.options import add_folder, add_sets, option, verb
 from swath.tools.function_test.progress import add_engine, engine, progress
 
@@ -70,6 +70,7 @@ def run_fit(args: argparse.Namespace) -> int:
     from swath.tools.twin.fit import HEAD, SCENARIO, fit_twin
     from swath.tools.twin.still import fit_still
 
+    check_within("--seed", args.seed, 0, 2**31 - 1)
     sources = _sources(args, args.bags)
     if args.still:
         found, answer = fit_still(args.out, sources, args.sheet, args.seed)
@@ -98,8 +99,9 @@ def run_check(args: argparse.Namespace) -> int:
     from swath.tools.twin.page import write_check
     from swath.tools.twin.still import check_still, is_still
 
-    if args.draws < 20:
-        raise InputError("--draws", args.draws, "expected 20 or more")
+    check_within("--draws", args.draws, 20, 1e6)
+    check_within("--seed", args.seed, 0, 2**31 - 1)
+    args.still = is_still(args.twin) or args.still
     source = _sources(args, [args.bag])[0]
     if is_still(args.twin):
         found = check_still(args.twin, source, args.draws, args.seed)

@@ -28,7 +28,7 @@ from swath.tools.twin.unlike import Unlike
 
 TWIN, SCENARIO = "twin.json", "twin.yaml"
 LONGEST_M = 40.0  # of a run of a twin
-HEAD = ("", "value", "95 % interval", "unit", "prior")
+HEAD = ("", "value", "95 % interval", "unit", "95 % of the range")
 
 
 @dataclass(frozen=True)
@@ -164,6 +164,7 @@ def _asked(bank: Path, sheet: str, sources: Sequence[Source], seen: Recorded, mo
     new = BankAsked(sheet, mount, view.first, view.step, view.count, view.lines, **more)
     there = read_asked(bank / ASKED, BankAsked, "a bank")
     if there is None:
+        new.check()
         return new
     check_view(view, there.view)
     ranges = {p.key: p for p in there.parameters}
@@ -212,9 +213,16 @@ def write_scenario(out: Path, scenario: Scenario, names: Sequence[str], found: S
     write_whole(out / SCENARIO, "".join(f"# {line}\n" for line in head) + scenario.resolved())
 
 
+def folder_of_twin(path: Path) -> Path:
+    """The folder of a twin, by itself or the scenario in it. InputError where it is neither."""
+    if not os.path.isdir(path) and (path.name != SCENARIO or not os.path.isfile(path)):
+        raise InputError("twin", str(path), f"expected a folder of `swath twin fit`, or {SCENARIO} in it")
+    return path if os.path.isdir(path) else path.parent
+
+
 def read_twin(path: Path) -> Twin:
     """A twin by its folder or its scenario. InputError where it is none."""
-    folder = path if os.path.isdir(path) else path.parent
+    folder = folder_of_twin(path)
     data = read_object(folder / TWIN, "twin", "a twin, as swath twin fit writes it")
     with readable("twin", "a twin, as swath twin fit writes it", folder / TWIN):
         asked = data["asked"]

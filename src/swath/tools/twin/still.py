@@ -27,7 +27,7 @@ from swath.tools.distributions import wasserstein1
 from swath.tools.height_map.source import Source
 from swath.tools.tune.parameters import Parameter
 from swath.tools.twin.check import ALPHA, DIFFERS, FITS, UNKNOWN, Checked
-from swath.tools.twin.fit import Estimate, estimates_of, write_scenario
+from swath.tools.twin.fit import Estimate, estimates_of, folder_of_twin, write_scenario
 from swath.tools.twin.learned import Answer, answer_in, ask, learn
 from swath.tools.twin.looks import Recorded, View, read_looks
 
@@ -177,16 +177,12 @@ def fit_still(out: Path, sources: Sequence[Source], sheet: str, seed: int) -> tu
 
 def is_still(path: Path) -> bool:
     """Whether a twin is of a scanner that stood still."""
-    return os.path.isfile(_folder(path) / STILL)
-
-
-def _folder(path: Path) -> Path:
-    return path if os.path.isdir(path) else path.parent
+    return os.path.isfile(folder_of_twin(path) / STILL)
 
 
 def check_still(path: Path, source: Source, draws: int, seed: int) -> Checked:
     """Predict another recording of the same scene, beam by beam."""
-    folder = _folder(path)
+    folder = folder_of_twin(path)
     data = read_object(folder / STILL, "twin", "a twin")
     with readable("twin", "a twin", folder / STILL):
         view = View(**{**data["view"], "lines": tuple(data["view"]["lines"])})
