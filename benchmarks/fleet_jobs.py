@@ -1,6 +1,7 @@
 """Drawn whole fields: hours against simple rules, what must change nothing, what must not cost time.
 
     python -m benchmarks.fleet_jobs 0 20 --hectares 1 4 --against baseline same more --out out/fleet_jobs
+    python -m benchmarks.fleet_jobs 300 312 --wide --hectares 1 100 --limit-s 600 --set fleet.plans=1
 
 Seeds FIRST to LAST, the last one left out. `baseline`: hours, bound of cutting, CPU and memory beside
 `fleet_baseline.py`; `same`: the job written down otherwise, `nearly`: with corners moved by millimetres;
@@ -112,6 +113,31 @@ def drawn(seed: int, hectares: tuple[float, float]) -> Any:
     )  # fmt: skip
 
 
+def wide(seed: int, hectares: tuple[float, float]) -> Any:
+    """The job of a seed with more axes: 1 to 6 combines, 0 to 3 carts, a truck near or 1.3 km off, a gate,
+    tanks emptied on the headland.
+    """
+    import shapely
+
+    from swath.fleet.files import CartSettings
+
+    job, rng = drawn(seed, hectares), np.random.default_rng(90_000 + seed)
+    (c, *_), combines, carts = job.combines.values(), int(rng.integers(1, 7)), int(rng.integers(0, 4))
+    field = shapely.Polygon(job.field.boundary_m)
+    off = float(rng.choice([20.0, 1300.0], p=[0.8, 0.2]))
+    around, outer = field.convex_hull.buffer(off).exterior, field.buffer(8.0).exterior
+    at = around.interpolate(float(rng.random()), normalized=True)
+    gate = outer.interpolate(outer.project(at)) if rng.random() < 0.3 else None
+    unload = "headland" if carts and rng.random() < 0.25 else "anywhere"
+    return replace(
+        job,
+        combines={f"combine_{i + 1}": c for i in range(combines)},
+        carts={f"cart_{i + 1}": CartSettings() for i in range(carts)},
+        plan=replace(job.plan, unload=unload),
+        truck=replace(job.truck, x_m=at.x, y_m=at.y, gate_m=(gate.x, gate.y) if gate else None),
+    )
+
+
 def changes(kinds: list[str], job: Any) -> Iterator[tuple[str, str, Callable[[Any], Any]]]:
     """Kind, name and function of all changes of a job, first the job as drawn."""
     from tests.fleet.changed import MORE, NEARLY, SAME
@@ -174,7 +200,7 @@ def run(args: argparse.Namespace, file: Path) -> None:
     """All that has no row, one process after the other."""
     spawn = mp.get_context("spawn")
     for seed in range(args.first, args.last):
-        job = drawn(seed, tuple(args.hectares))
+        job = (wide if args.wide else drawn)(seed, tuple(args.hectares))
         for change in args.sets:
             section, _, rest = change.partition(".")
             name, _, value = rest.partition("=")
@@ -244,6 +270,7 @@ def main() -> None:
     parser.add_argument(
         "--only", nargs="+", default=[""], metavar="WORD", help="changes whose name holds one"
     )
+    parser.add_argument("--wide", action="store_true", help="draw over more axes, see `wide`")
     parser.add_argument("--driven", action="store_true", help="bodies, too")
     parser.add_argument("--set", dest="sets", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--limit-s", type=float, default=300.0, help="CPU-s of each")
