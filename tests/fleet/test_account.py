@@ -75,6 +75,7 @@ def test_efficiency_is_by_the_crop_of_the_field_not_by_what_tanks_begin_with(per
     assert combine.speed_in(2.0 * combine.width) > 1.1 * combine.speed_in(2.5 * combine.width)
     assert w.efficiency == pytest.approx(w.schedule.plan.area / (rate * w.cut), rel=1e-6)
     levels = grain(w)[combine.name][1]
+    assert levels[0] == pytest.approx(0.01 * percent * combine.tank)
     assert 0.8 * combine.tank < levels.max() <= combine.tank * (1.0 + 1e-9)
 
 

@@ -5,7 +5,7 @@ from benchmarks.fleet_baseline import baseline_hours
 from benchmarks.fleet_jobs import drawn
 
 from swath.fleet.files import CartSettings, CombineSettings, FieldSettings, JobFile, TruckSettings
-from swath.fleet.schedule import Scheduler
+from swath.fleet.schedule import PARAMS, Scheduler
 from swath.fleet.worked import by_events
 
 
@@ -37,6 +37,30 @@ def test_ordinary_fields_end_with_all_machines_and_near_simple_rules(name):
     job, scheduler = made(*JOBS[name])
     assert [k.name for k in scheduler.machines.carts] == list(job.carts)  # none is left out
     ends_near(job, scheduler, 1.15)
+
+
+def test_all_that_is_granted_is_done_before_anybody_makes_room():
+    """Ground that others cut may be all that is waited for."""
+    job, scheduler = made(*JOBS["skew notch, 2 + 1"])
+    usual, usual_room, granted, refused = scheduler.goes_on, scheduler.makes_room, [], []
+
+    def are_behind():
+        return any(c.time < scheduler.late() for c in scheduler.combines if not c.is_done)
+
+    def goes_on(busy, patience=1):
+        if len(granted) == 6 and are_behind():
+            refused.append(patience)
+            return False
+        granted.append(patience)
+        return usual(busy, patience)
+
+    def makes_room(turn):
+        assert not are_behind()
+        return usual_room(turn)
+
+    scheduler.goes_on, scheduler.makes_room = goes_on, makes_room
+    ends_near(job, scheduler, 1.5)
+    assert refused == [1, PARAMS.tries]
 
 
 @pytest.mark.draws

@@ -44,8 +44,8 @@ LEFT_KG = 1e-6  # of grain, that is none
 class Params:
     """cut_m: longest segment of a pass, a third of it in bends; joins: how far off [m, rad] a pass may begin
     that is gone on to without a way; align_s: until a cart that has come beside is in line; tries: passes
-    that are looked at, the nearest first; poses: of a search, from where on more shorten the hours of
-    drawn fields no further; few: of carts that can come first, and of places to come beside at; soon_s:
+    that are looked at, the nearest first; poses: of a search, more do not shorten the hours of drawn
+    fields; few: of carts that can come first, and of places to come beside at; soon_s:
     within which a machine stands that a way leads around; part: of a tank, up to which a combine begins a
     pass that its tank does not take; long_s: beside cutting, from where on it may be emptied before
     instead, and more cost of a place at which nobody could be emptied; behind: share in the cost of a
@@ -732,17 +732,11 @@ class Scheduler:
                     near += [p.buffer(GAPS.near_m, join_style="mitre") for p in s.path.swept[s.index]]
                 else:
                     shapes += wide
+        came = None if body.has_trailer else partial(self.table.cut_to, name, start)
         find = partial(
-            self.finder.find,
-            body,
-            drive,
-            start,
-            stand=shapes,
-            near=near,
-            time=time,
-            most=PARAMS.poses,
-            came=None if body.has_trailer else partial(self.table.cut_to, name, start),
-        )
+            self.finder.find, body, drive, start, stand=shapes, near=near, time=time, most=PARAMS.poses,
+            came=came,
+        )  # fmt: skip
         kept, looked = self.kept[name], False
         for way, area in zip(kept.ways, kept.areas, strict=True):
             begins, ends = (math.dist(a[:2], b[:2]) < 0.01 for a, b in ((start, way.start), (goal, way.end)))

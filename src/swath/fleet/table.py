@@ -332,15 +332,14 @@ class Table:
 
     def cut_to(self, machine: str, place: Place) -> Track | None:
         """The pass that a machine has cut last, None where it has left the end of it."""
-        own = (
-            s for s in reversed(self.segments) if s.machine == machine and s.kind == "cut" and not s.is_off
-        )
-        if (s := next(own, None)) is None or (
-            s.path.track.places[s.path.last[s.index], :2] != place[:2]
-        ).any():
+        own = (s for s in reversed(self.segments) if s.machine == machine and not s.is_off)
+        s = next((s for s in own if s.kind == "cut"), None)
+        if s is None:
             return None
         first = next((i + 1 for i in range(s.index, -1, -1) if s.path.kinds[i] != "cut"), 0)
         t, a, b = s.path.track, int(s.path.first[first]), int(s.path.last[s.index])
+        if (t.places[b, :2] != place[:2]).any():
+            return None
         return Track(t.places[a : b + 1], t.distance[a : b + 1], t.ways[a:b], t.bends[a:b])
 
     def meets(self, path: Path, but: str) -> list[list[int]]:

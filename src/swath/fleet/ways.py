@@ -567,6 +567,7 @@ class Finder:
         on from there. A pass may end between crop, and nearer to it and to closed ground than ways lead.
         """
         steps, own = (np.diff(came.distance) * came.ways)[::-1], asked.body.own
+        long = max(r.front for r in own) - min(r.rear for r in own)
         far = np.concatenate([[0.0], np.cumsum(np.abs(steps))])
 
         def back_by(count: int) -> Track | None:
@@ -576,9 +577,7 @@ class Finder:
 
         low, high = 0, len(steps)
         best = back_by(high) if high and asked.drive.backwards > 0.0 else None
-        while best is not None and far[high] - far[low] > max(r.front for r in own) - min(
-            r.rear for r in own
-        ):
+        while best is not None and far[high] - far[low] > long:
             middle = int(np.searchsorted(far, 0.5 * (far[low] + far[high])))
             found = back_by(middle)
             best, low, high = (best, middle, high) if found is None else (found, low, middle)

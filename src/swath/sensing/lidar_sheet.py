@@ -136,10 +136,9 @@ class LidarSheet:
             divergence_mrad=(spot * across, spot * along),
             exit_mm=(spot * exit_across, spot * exit_along),
         )
-        rows = (
-            [(at, noise * sigma) for at, sigma in pairs] for pairs in (self.noise_mm, self.noise_by_signal_mm)
+        by_range, by_signal = (
+            [(at, noise * sigma) for at, sigma in rows] for rows in (self.noise_mm, self.noise_by_signal_mm)
         )
-        by_range, by_signal = rows
         return replace(self, spot=wide, noise_mm=by_range, noise_by_signal_mm=by_signal)
 
     def azimuths(self, first: float, last: float, step: float) -> F64:

@@ -90,7 +90,7 @@ def inflatable(data: bytes, size: int) -> bytes:
     """Deflated bytes that become exactly `size` bytes. ValueError or zlib.error where not."""
     stream = zlib.decompressobj()
     if len(stream.decompress(data, size + 1)) != size or not stream.eof:  # its check sum is right, too
-        raise ValueError("a page has another size")
+        raise ValueError("a page is cut off, damaged or of another size")
     return data
 
 

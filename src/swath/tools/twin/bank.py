@@ -38,7 +38,7 @@ from swath.tools.twin.structure import NAMES as STRUCTURE
 from swath.tools.twin.unlike import Unlike, unlike
 
 ASKED, CASE, BANK = "twin-bank.json", "twin-bank.yaml", "bank.npz"
-USABLE = 0.8  # share of the runs that a bank is learned from at least
+USABLE = 0.8  # share of the runs that must have scans; chosen
 TABLES = ("shares", "numbers", "structure", "tuned")
 FEWEST, MOST = 40, 20_000  # runs
 

@@ -35,7 +35,7 @@ FITS, DIFFERS, UNKNOWN = "fits", "does not fit", "too little is known"
 CODES = {FITS: 0, DIFFERS: 1, UNKNOWN: 3}
 TWIN_RUN, PRIOR_RUN = "simulated", "before"
 GRID = Grid(block_m=1.0)
-REACH_M = 30.0
+REACH_M = 30.0  # echoes farther from the path are left out; chosen
 ALPHA = 0.05  # chance that a recording does not fit though it does
 
 

@@ -101,9 +101,10 @@ def run_check(args: argparse.Namespace) -> int:
 
     check_within("--draws", args.draws, 20, 1e6)
     check_within("--seed", args.seed, 0, 2**31 - 1)
-    args.still = is_still(args.twin) or args.still
+    stood = is_still(args.twin)
+    args.still = args.still or stood
     source = _sources(args, [args.bag])[0]
-    if is_still(args.twin):
+    if stood:
         found = check_still(args.twin, source, args.draws, args.seed)
     else:
         found = check_twin(args.out, read_twin(args.twin), source)

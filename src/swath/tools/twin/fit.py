@@ -27,7 +27,7 @@ from swath.tools.twin.looks import Recorded, check_view, read_looks
 from swath.tools.twin.unlike import Unlike
 
 TWIN, SCENARIO = "twin.json", "twin.yaml"
-LONGEST_M = 40.0  # of a run of a twin
+LONGEST_M = 40.0  # of a run of a twin; chosen
 HEAD = ("", "value", "95 % interval", "unit", "95 % of the range")
 
 

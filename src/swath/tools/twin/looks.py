@@ -21,7 +21,7 @@ from swath.sensing.lidar_sheet import LidarSheet
 from swath.signals import F32, F64, Scan, Signal
 from swath.tools.height_map.source import Source
 from swath.tools.twin.structure import NAMES as STRUCTURE
-from swath.tools.twin.structure import structure_of
+from swath.tools.twin.structure import quantiles, structure_of
 
 SECTORS, GROUPS = 12, 4  # of the azimuth, and of lines at most
 AHEAD, STEPS = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98), (0.1, 0.25, 0.5, 0.75, 0.9)  # quantiles
@@ -107,16 +107,11 @@ def _sector(ahead: F64) -> F64:
     silent = np.sqrt(1.0 - np.isfinite(ahead).mean())
     steps = [np.abs(ahead[..., n:] - ahead[..., :-n]) for n in APART]
     every: list[Any] = [
-        _quantiles(ahead, AHEAD),
-        *(np.log(LEAST_STEP + _quantiles(s, STEPS)) for s in steps),
+        quantiles(ahead, AHEAD, FEWEST),
+        *(np.log(LEAST_STEP + quantiles(s, STEPS, FEWEST)) for s in steps),
         [silent],
     ]
     return np.concatenate(every)
-
-
-def _quantiles(values: F64, shares: Sequence[float]) -> F64:
-    known = values[np.isfinite(values)]
-    return np.quantile(known, shares) if len(known) >= FEWEST else np.full(len(shares), np.nan)
 
 
 class ScanLooks:

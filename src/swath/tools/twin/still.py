@@ -46,6 +46,7 @@ PARAMETERS = [
     Parameter("noise_factor", *FACTOR, is_log=True),
     Parameter("drop_out_percent", *LOST, is_log=True),
 ]
+PRIOR = np.full(len(PARAMETERS), 0.5)  # the middle of what is possible
 
 
 @dataclass(frozen=True)
@@ -215,6 +216,3 @@ def check_still(path: Path, source: Source, draws: int, seed: int) -> Checked:
               "simulated": _spread(np.concatenate(sims[:10])[:, seen]), "ranges": scene.ranges[seen],
               "moved": (scene.ranges - before)[seen]}  # fmt: skip
     return Checked(verdict, further, explained, (folder.name, source.name), None, lines, [row], series)
-
-
-PRIOR = np.full(len(PARAMETERS), 0.5)

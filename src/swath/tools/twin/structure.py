@@ -42,7 +42,7 @@ def structure_of(ahead: F64, bright: F32) -> F64:
 def _sector(ahead: F64, light: F64) -> F64:
     """The numbers of a sector. ahead, light: logarithms (scans, lines, beams), nan = none."""
     far, dim = ahead - _median(ahead, 0), light - _median(light, 0)  # beside the median of the beam
-    most = FARTHEST * _quantiles(np.abs(far), (0.9,))[0]
+    most = FARTHEST * quantiles(np.abs(far), (0.9,))[0]
     off = np.clip(far, -most, most) if np.isfinite(most) else far
     step, turn = np.diff(ahead, axis=2), np.diff(light, axis=2)
     alike = [_alike(*_pair(values, lag)) for values in (off, dim) for lag in LAGS]
@@ -50,18 +50,18 @@ def _sector(ahead: F64, light: F64) -> F64:
     alike += [_alike(np.abs(turn), _log(np.abs(step), LEAST_RANK))]
     whole, whole_dim = (_median(values, 2) for values in (far, dim))
     wander = [_log(_spread(v), LEAST_RANK) for v in (whole, np.diff(whole, axis=0), whole_dim)]
-    lights = [*_quantiles(light, (0.05, 0.25, 0.5, 0.75, 0.95)), *_quantiles(dim, TAILS)]
+    lights = [*quantiles(light, (0.05, 0.25, 0.5, 0.75, 0.95)), *quantiles(dim, TAILS)]
     return np.array([*alike, *_of_steps(far, step), *_of_neighbours(ahead, light), *wander, *lights])
 
 
 def _of_steps(far: F64, step: F64) -> list[float]:
     """Tails and skewness of the steps between beams, and tails of distances beside their median."""
-    small, little, middle, large = _quantiles(np.abs(step), (0.02, 0.05, 0.5, 0.95))
-    bend = _quantiles(np.abs(np.diff(step, axis=2)), (0.5,))[0]
+    small, little, middle, large = quantiles(np.abs(step), (0.02, 0.05, 0.5, 0.95))
+    bend = quantiles(np.abs(np.diff(step, axis=2)), (0.5,))[0]
     tails = [_log(v, LEAST) - _log(middle, LEAST) for v in (small, little, large, bend)]
-    low, below, above, high = _quantiles(step, (0.1, 0.25, 0.75, 0.9))
+    low, below, above, high = quantiles(step, (0.1, 0.25, 0.75, 0.9))
     skew = [(b + a) / (b - a + LEAST) for a, b in ((low, high), (below, above))]
-    least, less, half, more, most = _quantiles(far, (0.02, 0.1, 0.5, 0.9, 0.98))
+    least, less, half, more, most = quantiles(far, (0.02, 0.1, 0.5, 0.9, 0.98))
     pairs = (half - least, half - less), (most - half, more - half)
     return [*tails, *skew, *(_log(a, LEAST_RANK) - _log(b, LEAST_RANK) for a, b in pairs)]
 
@@ -75,10 +75,10 @@ def _of_neighbours(ahead: F64, light: F64) -> list[float]:
     gathered = [float(np.sqrt(np.logical_and(*_pair(silent, lag)).mean())) for lag in ((0, 1), (1, 0))]
     over = light[..., 1:-1] - 0.5 * (light[..., 2:] + light[..., :-2])
     step, turn = np.abs(np.diff(ahead, axis=2)), np.abs(np.diff(light, axis=2))
-    is_fine = step < _quantiles(step, (0.5,))[0]
+    is_fine = step < quantiles(step, (0.5,))[0]
     parts = (turn, (0.5, 0.9)), (turn[is_fine], (0.5,)), (turn[~is_fine], (0.5,)), (np.abs(over), (0.5,))
-    turns = [_log(v, LEAST_RANK) for values, shares in parts for v in _quantiles(values, shares)]
-    edges = [_quantiles(over[v > SOME], (0.5,))[0] for v in (before, behind)]
+    turns = [_log(v, LEAST_RANK) for values, shares in parts for v in quantiles(values, shares)]
+    edges = [quantiles(over[v > SOME], (0.5,))[0] for v in (before, behind)]
     return [*lone, *gathered, *turns, *edges]
 
 
@@ -104,9 +104,10 @@ def _alike(a: F64, b: F64) -> float:
     return float(np.corrcoef(a[known], b[known])[0, 1])
 
 
-def _quantiles(values: F64, shares: Sequence[float]) -> F64:
+def quantiles(values: F64, shares: Sequence[float], fewest: int = FEWEST) -> F64:
+    """Quantiles of what is known, nan of fewer."""
     known = values[np.isfinite(values)]
-    return np.quantile(known, shares) if len(known) >= FEWEST else np.full(len(shares), np.nan)
+    return np.quantile(known, shares) if len(known) >= fewest else np.full(len(shares), np.nan)
 
 
 def _log(value: Any, least: float) -> Any:
